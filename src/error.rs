@@ -1,58 +1,58 @@
-//! Error type of the crate: what failed, where, why, and a hint.
+//! Error type of the crate: states the failed action, the place, the reason and a hint.
 
-/// Cause of a failure; it decides the exit status.
+/// Kind of a failure, which decides the exit status of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The input or the command line is at fault (exit status 2).
+    /// Failure caused by an input file or the command line (exit status 2).
     Input,
-    /// Something failed while running: device lost, disk full (exit status 1).
+    /// Failure while the program runs: device lost, disk full (exit status 1).
     Runtime,
-    /// The user ended the work (exit status 1).
+    /// Cancellation by the user (exit status 1).
     Cancelled,
 }
 
-/// A failure as one line, `WHAT (WHERE): WHY`, with an optional hint on a second line.
+/// Error with a message of one line, `WHAT (WHERE): WHY`, and an optional hint on a second line.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{what} ({place}): {why}")]
 pub struct Error {
-    /// Cause of the failure.
+    /// Kind of the failure: input, runtime or cancellation.
     pub fault: Fault,
-    /// Action that failed, e.g. `cannot read volume`.
+    /// Action that failed, as the error message names it, e.g. `cannot read volume`.
     pub what: String,
-    /// File, flag or key concerned.
+    /// File, command-line flag or setting to which the error refers.
     pub place: String,
-    /// Reason, in one line.
+    /// Reason why the action failed, as one line of the error message.
     pub why: String,
-    /// Way out, printed as a `hint:` line.
+    /// Hint how to avoid the error, printed below the message as a `hint:` line.
     pub hint: Option<String>,
 }
 
-/// Result with the error type of this crate.
+/// `Result` with the error type of this crate as default.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// Error that the input or the command line caused.
+    /// Creates an error that an input file or the command line caused.
     pub fn input(what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         Self::new(Fault::Input, what, place, why)
     }
 
-    /// Error that happened while the program was running.
+    /// Creates an error that happened while the program was running.
     pub fn runtime(what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         Self::new(Fault::Runtime, what, place, why)
     }
 
-    /// Error of work that the user ended; `place` names the step.
+    /// Creates the error of work that the user cancelled; `place` names the cancelled step.
     pub fn cancelled(place: impl ToString) -> Self {
         Self::new(Fault::Cancelled, "cancelled", place, "it was ended on request")
     }
 
-    /// Whether the user ended the work.
+    /// Returns whether the error is a cancellation by the user.
     pub fn is_cancelled(&self) -> bool {
         self.fault == Fault::Cancelled
     }
 
     fn new(fault: Fault, what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
-        // Messages of libraries and files may hold line ends, and control characters that a terminal would obey.
+        // Messages of libraries and files may contain line ends, and control characters that act on a terminal.
         let one_line = |s: String| {
             let joined = s.split_whitespace().collect::<Vec<_>>().join(" ");
             joined.replace(char::is_control, "\u{fffd}")
@@ -61,14 +61,14 @@ impl Error {
         Self { fault, what, place, why, hint: None }
     }
 
-    /// Adds a hint.
+    /// Adds a hint how to avoid the problem to an error.
     #[must_use]
     pub fn hint(mut self, hint: impl ToString) -> Self {
         self.hint = Some(hint.to_string());
         self
     }
 
-    /// Puts the flag or file that contains the place before it: `--methods: PLACE`.
+    /// Prefixes the place of an error with the flag or file that contains it: `--methods: PLACE`.
     #[must_use]
     pub fn at(mut self, outer: impl std::fmt::Display) -> Self {
         self.place =
@@ -76,7 +76,7 @@ impl Error {
         self
     }
 
-    /// Exit status of the process: 2 for faults of the input or the command line, 1 for all others.
+    /// Exit status of the program for an error: 2 for errors in input files or the command line, 1 for all others.
     pub fn exit_status(&self) -> u8 {
         match self.fault {
             Fault::Input => 2,

@@ -1,4 +1,5 @@
-//! Volumetric shadows for CT volumes, each method with its error against an exact answer.
+//! Volumetric shadows for CT volumes: renders volumes with several shadow methods and measures each method's error
+//! against an exact answer.
 //!
 //! ```text
 //!  file ──> Volume ──> Bricks (min,max) ─┐                        ┌─> picture
@@ -11,7 +12,7 @@
 //! Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance
 //! `exp(-optical depth)`.
 //!
-//! A picture with shadows, and how wrong they are at a point:
+//! Example: renders a picture with shadows and prints the approximate and the exact transmittance at one point.
 //! ```no_run
 //! use std::{path::Path, sync::Arc};
 //! use umbravox::exact::ExactField;
@@ -37,8 +38,8 @@
 //! # Ok(())
 //! # }
 //! ```
-//! `examples/shadow_error.rs` is a whole program. What is computed, and how each method deviates from its paper, is in
-//! the repository's `docs/`.
+//! `examples/shadow_error.rs` is a complete program. The repository's `docs/` describe the computations, and how each
+//! method deviates from its paper.
 
 #![warn(missing_docs)]
 
@@ -70,7 +71,7 @@ pub mod volume;
 #[cfg(test)]
 #[path = "../tests/common/mod.rs"]
 mod common;
-// tests/common names this crate as the other tests know it.
+// tests/common refers to this crate as `umbravox`, as integration tests do.
 #[cfg(test)]
 extern crate self as umbravox;
 

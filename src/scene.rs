@@ -1,4 +1,4 @@
-//! Camera, lights and picture settings.
+//! Camera, lights and picture settings of a scene.
 
 use crate::files::color;
 use crate::mesh::Mesh;
@@ -7,44 +7,44 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize, Serializer};
 use std::sync::Arc;
 
-/// Pinhole camera; world millimetres, vertical field of view in degrees.
+/// Pinhole camera with positions in world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Position, world mm.
+    /// Position of the camera, world mm.
     pub eye: DVec3,
-    /// Point at the centre of the picture, world mm.
+    /// Point that the camera looks at, in the centre of the picture, world mm.
     pub target: DVec3,
-    /// Up direction of the picture; of any length, not along the view.
+    /// Up direction of the camera, of any length, not parallel to the view direction.
     pub up: DVec3,
-    /// Vertical field of view, degrees.
+    /// Vertical field of view of the camera, degrees.
     pub fov_deg: f64,
 }
 
-/// Orthonormal frame of a camera: `forward`, `right = forward x up`, `up = right x forward`.
+/// Orthonormal frame of a camera: `forward` (view direction), `right = forward x up`, `up = right x forward`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
-    /// Along the view.
+    /// View direction of the camera, unit vector.
     pub forward: DVec3,
-    /// To the right in the picture.
+    /// Camera direction to the right of the picture, unit vector.
     pub right: DVec3,
-    /// Up in the picture.
+    /// Camera direction to the top of the picture, unit vector.
     pub up: DVec3,
 }
 
-/// View along an anatomical axis.
+/// Standard camera view along an anatomical axis of the patient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisView {
-    /// Name of the side on which the eye is.
+    /// Name of the anatomical side from which the camera looks, such as `Anterior`.
     pub name: &'static str,
-    /// Anatomical letter of that side.
+    /// Letter of the anatomical side from which the camera looks, such as `A`.
     pub mark: &'static str,
-    /// Direction from the target to the eye, RAS+.
+    /// Direction from the camera's target to its position, in RAS+ coordinates.
     pub away: DVec3,
-    /// Up direction of the picture, RAS+.
+    /// Up direction of the camera, in RAS+ coordinates.
     pub up: DVec3,
 }
 
-/// All views along anatomical axes.
+/// Six standard camera views along the anatomical axes.
 pub const AXIS_VIEWS: [AxisView; 6] = [
     AxisView { name: "Anterior", mark: "A", away: DVec3::Y, up: DVec3::Z },
     AxisView { name: "Posterior", mark: "P", away: DVec3::NEG_Y, up: DVec3::Z },
@@ -61,10 +61,11 @@ impl serde::Serialize for AxisView {
 }
 
 impl Camera {
-    /// Default vertical field of view, degrees.
+    /// Default vertical field of view of the camera, degrees.
     pub const DEFAULT_FOV_DEG: f64 = 40.0;
 
-    /// Camera that frames the volume's bounding sphere from the front, a little from the side and above (RAS+: +y is anterior).
+    /// Returns a camera that fits the volume's bounding sphere, from the front and slightly from the side and above
+    /// (RAS+: +y is anterior).
     pub fn framing(volume: &Volume, up: DVec3, fov_deg: f64) -> Self {
         let corners = volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
@@ -77,14 +78,15 @@ impl Camera {
         Self { eye: center + away * distance, target: center, up, fov_deg }
     }
 
-    /// Orthonormal frame: `forward` towards the target, `right` and `up` of the picture.
+    /// Returns the camera's orthonormal frame: `forward` towards the target, `right` and `up` in the picture.
     pub fn frame(&self) -> CameraFrame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
         CameraFrame { forward, right, up: right.cross(forward) }
     }
 
-    /// Unit direction through the centre of pixel (column `i`, row `j` from the top) of a `width x height` picture.
+    /// Returns the unit direction of the eye ray through the centre of the pixel in column `i` and row `j` from
+    /// the top. The picture has `width x height` pixels.
     pub fn ray_direction(&self, i: f64, j: f64, width: u32, height: u32) -> DVec3 {
         let f = self.frame();
         let (w, h) = (f64::from(width), f64::from(height));
@@ -95,23 +97,24 @@ impl Camera {
     }
 }
 
-/// Position or direction of a light; world millimetres.
+/// Directional or point light, without colour; world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
-    /// Light at infinity.
+    /// Directional light, infinitely far away.
     Directional {
-        /// Direction towards the light, of any length.
+        /// Direction towards the directional light, of any length.
         toward: DVec3,
     },
-    /// Light at a point.
+    /// Point light, which shines in all directions from one position.
     Point {
-        /// Position, mm.
+        /// Position of the point light, world mm.
         position: DVec3,
     },
 }
 
 impl Light {
-    /// Unit direction from `x` towards the light and the distance to it (infinite for a directional one), mm.
+    /// Returns the unit direction from point `x` towards the light, and the distance in mm (infinite for a
+    /// directional light).
     pub fn from_point(&self, x: DVec3) -> (DVec3, f64) {
         match *self {
             Self::Directional { toward } => (toward.normalize(), f64::INFINITY),
@@ -130,7 +133,7 @@ impl Light {
         }
     }
 
-    /// Text for `--light` with four decimals.
+    /// Formats position or direction of a light in the syntax of `--light`, with four decimals.
     pub fn text(&self) -> String {
         let (kind, v) = self.kind();
         // Further digits of a normalised direction carry no information.
@@ -145,37 +148,37 @@ impl Default for Light {
     }
 }
 
-/// Light with its colour and intensity.
+/// Light source: position or direction, colour and intensity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightSource {
-    /// Position or direction.
+    /// Position or direction of the light source, without colour.
     pub light: Light,
-    /// Linear RGB, in `[0, 1]`.
+    /// Colour of the light source, linear RGB in `[0, 1]`.
     pub color: [f64; 3],
-    /// Factor on the colour, 0 or more.
+    /// Intensity of the light source: a factor on its colour, 0 or more.
     pub intensity: f64,
 }
 
 impl LightSource {
-    /// Default colour.
+    /// Default colour of a light source: white, linear RGB.
     pub const WHITE: [f64; 3] = [1.0; 3];
 
-    /// Linear RGB of the light that reaches an unshadowed point.
+    /// Returns the linear RGB of the light that reaches an unshadowed point: colour times intensity.
     pub fn radiance(&self) -> [f64; 3] {
         self.color.map(|c| c * self.intensity)
     }
 
-    /// Whether the light is not black.
+    /// Returns whether the light source is not black.
     pub fn shines(&self) -> bool {
         self.radiance().iter().any(|c| *c > 0.0)
     }
 
-    /// Text for `--light`; the position has four decimals.
+    /// Formats a light source in the syntax of `--light`; its position has four decimals.
     pub fn text(&self) -> String {
         self.light.text() + &self.factors()
     }
 
-    /// Keys of `--light` that differ from their defaults, each after a comma.
+    /// Colour and intensity in the syntax of `--light`, each after a comma and only if different from the default.
     fn factors(&self) -> String {
         let color = (self.color != Self::WHITE).then(|| format!(",color={}", color::to_hex(self.color)));
         let intensity = (self.intensity != 1.0).then(|| format!(",intensity={}", self.intensity));
@@ -183,7 +186,7 @@ impl LightSource {
     }
 }
 
-/// White light of intensity 1.
+/// Creates a white light source of intensity 1.
 impl From<Light> for LightSource {
     fn from(light: Light) -> Self {
         Self { light, color: Self::WHITE, intensity: 1.0 }
@@ -196,7 +199,8 @@ impl Default for LightSource {
     }
 }
 
-/// Serializes the text for `--light`, exact to the last bit except for colours, which have 8 bits a channel.
+/// Serializes the light source in the syntax of `--light`: exact to the last bit, except colours, which have 8 bits
+/// per channel.
 impl Serialize for LightSource {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (kind, DVec3 { x, y, z }) = self.light.kind();
@@ -204,8 +208,8 @@ impl Serialize for LightSource {
     }
 }
 
-/// Shading of the light that reaches a point: none, by the gradient of the value, or by the direction of the strands from which
-/// the volume was made.
+/// Shading model for the light that reaches a point: none, from the gradient of the voxel values, or from the
+/// direction of the strands that the volume was made from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -218,85 +222,86 @@ pub enum Shading {
 }
 
 impl Shading {
-    /// All kinds of shading.
+    /// All shading models that a scene can select.
     pub const ALL: [Self; 4] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay];
 
-    /// Whether the shading needs a volume made from strands.
+    /// Returns whether the shading model needs a volume made from strands.
     pub fn is_of_strands(self) -> bool {
         self == Self::KajiyaKay
     }
 }
 
-/// Skipping of empty space.
+/// Empty-space skipping of eye rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Skip {
-    /// Skip bricks without extinction.
+    /// Skip bricks (blocks of voxels) without extinction along eye rays.
     #[default]
     Bricks,
-    /// Sample everywhere.
+    /// Sample eye rays everywhere, also in empty space.
     None,
 }
 
-/// Settings of a picture apart from the volume, the transfer function and the shadow method.
+/// Settings of a picture apart from volume, transfer function and shadow method: camera, lights, shading and size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// Camera.
+    /// Camera from which the scene is drawn.
     pub camera: Camera,
-    /// Lights, at least one.
+    /// Light sources of the scene, at least one.
     pub lights: Vec<LightSource>,
-    /// Share of the light that shadows do not affect, in `[0, 1]`.
+    /// Ambient fraction of the light, in `[0, 1]`: the part that shadows do not affect.
     pub ambient: f64,
-    /// Shading.
+    /// Shading model for the light that reaches each sample of the volume.
     pub shading: Shading,
-    /// Opaque mesh in the volume.
+    /// Opaque triangle mesh drawn inside the volume, if any.
     pub mesh: Option<Arc<Mesh>>,
-    /// Background, linear RGB.
+    /// Background colour of the picture, linear RGB.
     pub background: [f64; 3],
-    /// Eye-ray step in units of the smallest voxel spacing.
+    /// Step length along eye rays, in units of the smallest voxel spacing.
     pub step: f64,
-    /// Skipping of empty space.
+    /// Empty-space skipping of eye rays.
     pub skip: Skip,
-    /// Pixels a row.
+    /// Width of the picture, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height of the picture, pixels.
     pub height: u32,
 }
 
 impl Scene {
-    /// Limit on the lights: each needs a shadow structure and a pass over the picture.
+    /// Largest number of lights in a scene, since each light needs a shadow map and a render pass.
     pub const MOST_LIGHTS: usize = 16;
 
-    /// Lights that are not black, in their order; the first light if all are black, since a picture needs one pass.
+    /// Returns the scene's lights that are not black, in order. If all are black, it returns the first one, since a
+    /// picture needs one render pass.
     pub fn shining(&self) -> Vec<LightSource> {
         let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
         if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
     }
 
-    /// Number of lights that are not black.
+    /// Number of lights of the scene that are not black.
     pub fn lights_shining(&self) -> u32 {
         self.lights.iter().filter(|source| source.shines()).count() as u32
     }
 
-    /// Lights that are not black with their numbers from 1; empty if there are fewer than two.
+    /// Returns the scene's lights that are not black, with their numbers from 1; empty if there are fewer than two.
     pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
         let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());
         let lights: Vec<_> = numbered.collect();
         if lights.len() > 1 { lights } else { Vec::new() }
     }
 
-    /// Position or direction of the first light.
+    /// Position or direction of the scene's first light.
     pub fn light(&self) -> Light {
         self.lights.first().map_or_else(Light::default, |source| source.light)
     }
 
-    /// Replaces all lights by one.
+    /// Returns a copy of the scene with a single light.
     #[must_use]
     pub fn under(&self, light: LightSource) -> Self {
         Self { lights: vec![light], ..self.clone() }
     }
 
-    /// Default scene that frames `volume`.
+    /// Returns the default scene: default settings and a camera that fits `volume`.
     pub fn framing(volume: &Volume) -> Self {
         Self {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),

@@ -1,4 +1,4 @@
-//! Keyword arguments as scene settings: each is parsed like the flag of its name.
+//! Keyword arguments of Python as scene settings: each is parsed like the command-line flag of its name.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
@@ -9,28 +9,28 @@ use umbravox::transfer::TransferFunction;
 
 const WHAT: &str = "bad argument";
 
-/// Keys of the command line's output.
+/// Settings of the command line's text output, which Python does not accept.
 pub const COMMAND_LINE_ONLY: [&str; 2] = ["explain", "json"];
 
-/// Request of keyword arguments.
+/// Scene settings that a call from Python requests by keyword arguments.
 #[derive(Clone, Default)]
 pub struct Request {
     pub settings: SceneSettings,
     pub adapter: Option<String>,
-    /// `tf` as a function instead of a name.
+    /// Transfer function given as a dictionary in the argument `tf`, instead of a name.
     pub function: Option<TransferFunction>,
-    /// Keys given as empty lists, which remove earlier values.
+    /// Settings given as empty lists, which remove the values of the scene.
     pub cleared: Vec<String>,
 }
 
 impl Request {
-    /// Reads keyword arguments; those that are `None` count as absent.
+    /// Reads scene settings from keyword arguments; arguments that are `None` count as absent.
     pub fn parse(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
         let (mut table, mut function, mut cleared) = (Table::new(), None, Vec::new());
         for (name, given) in arguments.into_iter().flatten() {
             let name: String = name.extract()?;
             let key = name.replace('_', "-");
-            // `downsample` may be a switch.
+            // `downsample=False` counts as absent.
             if given.is_none()
                 || (key == "downsample" && given.cast::<PyBool>().is_ok_and(|on| !on.is_true()))
             {
@@ -58,15 +58,15 @@ impl Request {
         Ok(Self { settings, adapter: run.adapter, function, cleared })
     }
 
-    /// Request of a scene file.
+    /// Creates a request from the settings of a scene file.
     pub fn of_file(SceneRequest { settings, run }: SceneRequest) -> Self {
         Self { settings, adapter: run.adapter, ..Self::default() }
     }
 
-    /// This request where given, that below otherwise.
+    /// Combines two layers of scene settings: a value of this request wins over one of `below`.
     pub fn over(&self, below: &Self) -> Outcome<Self> {
         let mut left = below.settings.clone();
-        // A position of the camera replaces a side, and a side replaces the placement of the camera.
+        // A given `eye` replaces an earlier `view`, and a given `view` replaces earlier `eye`, `target` and `up`.
         left.view = left.view.filter(|_| self.settings.eye.is_none());
         if self.settings.view.is_some() {
             (left.eye, left.target, left.up) = (None, None, None);
@@ -80,14 +80,14 @@ impl Request {
         let settings = self.settings.over(&left);
         let named = self.settings.tf.is_some();
         let function = self.function.clone().or_else(|| below.function.clone().filter(|_| !named));
-        // A function wins over an earlier name.
+        // A transfer function given as a dictionary wins over a name given earlier.
         let tf = settings.tf.clone().filter(|_| function.is_none());
         let adapter = self.adapter.over(&below.adapter);
         Ok(Self { settings: SceneSettings { tf, ..settings }, adapter, function, cleared: Vec::new() })
     }
 }
 
-/// Replaces the keys in a hint by the names of arguments.
+/// Replaces the names of settings in an error's hint by the names of Python arguments.
 fn as_names(hint: &str) -> String {
     match hint.strip_prefix("keys: ") {
         Some(keys) => {
@@ -99,19 +99,19 @@ fn as_names(hint: &str) -> String {
     }
 }
 
-/// Reads a transfer function from a dictionary in the form of its file.
+/// Reads a transfer function from a Python dictionary that has the form of a transfer function file.
 fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
     let py = given.py();
     let options = PyDict::new(py);
     options.set_item("allow_nan", false)?;
-    // NumPy's numbers and arrays become Python's.
+    // Converts NumPy's numbers and arrays to Python's.
     options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
     let json = py.import("json")?.call_method("dumps", (given,), Some(&options));
     let json: String = json.map_err(|e| Fault::input(WHAT, "tf", e.value(py)))?.extract()?;
     TransferFunction::from_json(&json).map_err(|why| Fault::input(WHAT, "tf", why))
 }
 
-/// Converts a Python object to a value of a scene file.
+/// Converts a Python object to a value of a scene file (TOML).
 fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     if let Ok(on) = given.cast::<PyBool>() {
         let on = on.is_true();
@@ -123,7 +123,7 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     if let Some(number) = number(given) {
         return Ok(number);
     }
-    // Transfer functions by labels.
+    // A dictionary of transfer functions by labels.
     if let (true, Ok(functions)) = (key == "label-tf", given.cast::<PyDict>()) {
         let texts = functions.iter().map(|(labels, tf)| {
             let tf = text(&tf)?.ok_or_else(|| unusable(name, &tf))?;
@@ -144,7 +144,7 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     }
 }
 
-/// Value as part of a text.
+/// Converts a value of a scene file to text, for use inside a longer text.
 fn joined(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -152,7 +152,8 @@ fn joined(value: &Value) -> String {
     }
 }
 
-/// Converts an element of a list: a text, a number, or several numbers, such as those of a plane.
+/// Converts an element of a Python list to a value of a scene file: a text, a number, or several numbers, such as
+/// those of a clip plane.
 fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
     if item.cast::<PyBool>().is_ok() {
         return Err(unusable(name, item));
@@ -173,7 +174,7 @@ fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
     Ok(Value::String(texts.join(",")))
 }
 
-/// Text of a string or a path.
+/// Returns the text of a Python string or path; `None` for other objects.
 pub fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
     if let Ok(text) = given.cast::<PyString>() {
         return Ok(Some(text.extract()?));
@@ -187,7 +188,7 @@ pub fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
     Ok(None)
 }
 
-/// Number of Python or NumPy; arrays are refused, even those of one element.
+/// Converts a number of Python or NumPy to a value of a scene file; refuses arrays, even those of one element.
 fn number(given: &Bound<'_, PyAny>) -> Option<Value> {
     if given.cast::<PyInt>().is_err() && given.cast::<PyFloat>().is_err() && given.try_iter().is_ok() {
         return None;

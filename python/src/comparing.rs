@@ -1,4 +1,4 @@
-//! Error-against-time table of one scene, as dictionaries.
+//! Table of error against time for one scene, returned to Python as dictionaries.
 
 use crate::arguments::Request;
 use crate::fault::{Fault, Outcome};
@@ -29,7 +29,7 @@ use umbravox::scene::Scene;
 use umbravox::shadow::{COMPARED, parse_distinct};
 use umbravox::transfer::TransferFunction;
 
-/// Step of the measurement.
+/// Step of a long computation, reported to Python as progress.
 pub struct Step {
     done: usize,
     total: usize,
@@ -38,16 +38,16 @@ pub struct Step {
 }
 
 impl Step {
-    /// Step of a series.
+    /// Creates a progress step: `done` of `total` steps are finished, and `what` is in work.
     pub fn of(done: usize, total: usize, what: &str) -> Self {
         Self { done, total, what: what.to_owned(), left_s: None }
     }
 }
 
-/// Progress listener: a callable, or the line on stderr of `progress=True`.
+/// Receiver of progress steps: a Python callable, or the progress line on stderr of `progress=True`.
 pub struct ProgressListener(Option<Py<PyAny>>);
 
-/// ProgressListener of the argument `progress`.
+/// Creates the receiver of progress steps from the Python argument `progress`.
 pub fn progress_listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<ProgressListener> {
     let Some(given) = progress else { return Ok(ProgressListener(None)) };
     Ok(ProgressListener(match given.cast::<PyBool>() {
@@ -58,7 +58,7 @@ pub fn progress_listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) ->
 }
 
 impl ProgressListener {
-    /// Reports a step.
+    /// Reports a step of a long computation to the Python callable.
     pub fn report(&self, py: Python<'_>, step: Step) -> PyResult<()> {
         let Some(callable) = &self.0 else { return Ok(()) };
         let dict = PyDict::new(py);
@@ -70,7 +70,7 @@ impl ProgressListener {
     }
 }
 
-/// Settings of a table; see the flags of `umbravox compare`.
+/// Settings of a measured comparison table, as the flags of `umbravox compare` with these names.
 pub struct Table {
     pub methods: Option<String>,
     pub budgets: Option<String>,
@@ -80,24 +80,24 @@ pub struct Table {
     pub resume: bool,
 }
 
-/// Scene of a table.
+/// Scene that a comparison table measures.
 pub struct ComparedScene {
     subject: Subject,
     record: SceneRecord,
-    /// Text of the transfer function; `None` for a preset.
+    /// Text of the scene's transfer function file; `None` for a preset.
     tf_text: Option<String>,
 }
 
-/// Finished table.
+/// Finished comparison table: measured rows, notes and failures.
 pub struct Rows {
     rows: Vec<Row>,
-    /// Notes for the reader.
+    /// Notes on the comparison table for its reader.
     pub notes: Vec<String>,
-    /// Failed rows, with reasons.
+    /// Rows of the comparison table that failed, with reasons.
     failures: Vec<String>,
 }
 
-/// Effort from given repeats, points, rays and depths.
+/// Creates the measurement settings of a comparison table from the given repeats, points, rays and depths.
 pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
     let check_all = match check {
         "sample" => false,
@@ -125,7 +125,7 @@ pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
     Ok(effort)
 }
 
-/// A text, or a list of texts that is joined.
+/// Returns the text of a Python string, or of a list of strings joined by `joint`.
 pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outcome<Option<String>> {
     let Some(given) = given else { return Ok(None) };
     if let Ok(text) = given.cast::<PyString>() {
@@ -138,7 +138,7 @@ pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outco
 }
 
 impl Table {
-    /// Scene to measure, independent of the Python object.
+    /// Creates the scene that the comparison table measures, independent of the Python object.
     pub fn compared_scene(
         &self,
         loaded: &Loaded,
@@ -174,7 +174,7 @@ impl Table {
         Ok(ComparedScene { subject, record, tf_text })
     }
 
-    /// Measures the table, and writes files if there is an output folder.
+    /// Measures the comparison table, and writes its files if there is an output folder.
     pub fn measured(
         &self,
         compared: ComparedScene,
@@ -223,7 +223,7 @@ impl Table {
     }
 }
 
-/// Reports steps, and stops at an interrupt.
+/// Observer of a measurement that reports its steps to Python and stops it at an interrupt.
 struct Watcher<'a> {
     cancellation: &'a Cancellation,
     sender: &'a Sender<Step>,
@@ -232,7 +232,7 @@ struct Watcher<'a> {
 impl Watch for Watcher<'_> {
     fn starts(&mut self, status: &Status) {
         let Status { what, done, total, left_s, .. } = *status;
-        // There may be no listener.
+        // The send fails if nobody listens to the progress.
         let _ = self.sender.send(Step { done, total, what: what.to_owned(), left_s });
     }
 
@@ -242,7 +242,7 @@ impl Watch for Watcher<'_> {
 }
 
 impl Rows {
-    /// Issues a warning for each failed row.
+    /// Issues a Python warning for each row of the comparison table that failed.
     pub fn warn(&self, py: Python<'_>) -> PyResult<()> {
         for remark in &self.failures {
             py.import("warnings")?.call_method1("warn", (remark,))?;
@@ -250,7 +250,8 @@ impl Rows {
         Ok(())
     }
 
-    /// One dictionary for each row, with every column of `compare.csv`; `None` for empty cells.
+    /// Returns one dictionary for each row of the comparison table, with every column of `compare.csv`; `None` for
+    /// empty cells.
     pub fn as_dicts<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
         let rows = PyList::empty(py);
         for row in &self.rows {

@@ -1,4 +1,4 @@
-//! Open graphics adapters, one device each.
+//! Open graphics adapters of the Python module, one GPU device each.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,12 +8,13 @@ use umbravox::render::Renderer;
 
 static OPEN: Mutex<Option<HashMap<Option<String>, Arc<Renderer>>>> = Mutex::new(None);
 
-/// Opens a device for one comparison, so that pictures of other threads are not measured.
+/// Opens a separate GPU device for one comparison, so that rendering by other threads is not measured.
 pub fn own(name: Option<&str>) -> Result<Arc<Renderer>> {
     Ok(Arc::new(Renderer::new(Gpu::open(name)?)))
 }
 
-/// Renderer of an adapter by name (`None`: the fastest). Opened once, and again after its device was lost.
+/// Returns the renderer of the graphics adapter with the given name (`None`: the fastest). It is opened once, and
+/// again after its device was lost.
 pub fn renderer(name: Option<&str>) -> Result<Arc<Renderer>> {
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     let open = open.get_or_insert_default();

@@ -1,19 +1,19 @@
-//! Errors as Python exceptions with the same texts.
+//! Errors of the library as Python exceptions with the same texts.
 
 use pyo3::prelude::*;
 use umbravox::error::Fault as Cause;
 
-/// Error of the library, or an exception that Python has raised.
+/// Error of a function that Python calls: an error of the library, or an exception that Python has raised.
 pub enum Fault {
     Library(umbravox::Error),
     Raised(PyErr),
 }
 
-/// Result of functions that Python calls.
+/// Result of functions of the module that Python calls.
 pub type Outcome<T> = Result<T, Fault>;
 
 impl Fault {
-    /// Error of the input.
+    /// Creates an error about invalid input: what failed, where, and why.
     pub fn input(what: &str, place: impl ToString, why: impl ToString) -> Self {
         Self::Library(umbravox::Error::input(what, place, why))
     }
@@ -40,7 +40,7 @@ impl From<Fault> for PyErr {
     }
 }
 
-/// Creates an exception of `umbravox._errors`, whose classes can be pickled.
+/// Creates a Python exception of `umbravox._errors`, whose classes can be pickled.
 fn exception(py: Python<'_>, e: umbravox::Error) -> PyResult<PyErr> {
     let name = match e.fault {
         Cause::Input => "InputError",

@@ -1,4 +1,4 @@
-//! Work without the interpreter lock, which Ctrl-C interrupts.
+//! Computations without Python's interpreter lock, which Ctrl-C interrupts.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
@@ -6,22 +6,23 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Interval between checks for an interrupt.
+/// Interval between two checks whether Ctrl-C was pressed.
 const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(25);
 
-/// Flag that asks work to end.
+/// Flag that asks a running computation to end.
 #[derive(Default)]
 pub struct Cancellation(AtomicBool);
 
 impl Cancellation {
-    /// Whether the work continues.
+    /// Whether the running computation may continue.
     pub fn goes_on(&self) -> bool {
         !self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Runs `work` on its own thread without the interpreter lock. This thread passes its messages to `on_message` and checks for
-/// interrupts. If `on_message` fails or Python is interrupted, `end` is called, and the error returns once the work has ended.
+/// Runs the computation `work` on its own thread without Python's interpreter lock. The calling thread passes the
+/// messages of `work` to `on_message` and checks for Ctrl-C. If `on_message` fails or Python is interrupted, `end` is
+/// called, and the error returns once the computation has ended.
 pub fn run_reporting<T: Send, N: Send>(
     py: Python<'_>,
     end: impl Fn(),
@@ -60,7 +61,7 @@ pub fn run_reporting<T: Send, N: Send>(
     }
 }
 
-/// Refuses a forked process: it lacks the worker threads, and would wait for them forever.
+/// Returns an error in a forked process. It lacks the worker threads of its parent, and would wait for them forever.
 fn refuse_forked() -> Outcome<()> {
     static FIRST: AtomicU32 = AtomicU32::new(0);
     let here = std::process::id();
@@ -75,7 +76,7 @@ fn refuse_forked() -> Outcome<()> {
     }
 }
 
-/// Runs work without messages; see [`run_reporting`].
+/// Runs a computation without progress messages; Ctrl-C interrupts it (see [`run_reporting`]).
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     end: impl Fn(),
@@ -84,7 +85,7 @@ pub fn interruptible<T: Send>(
     run_reporting(py, end, |_, ()| Ok(()), |cancellation, _| work(cancellation))
 }
 
-/// Next message; `Some(None)` after an interval without one, `None` at the end of the work.
+/// Returns the next message of a running computation; `Some(None)` after an interval without one, `None` at its end.
 fn next<N: Send>(py: Python<'_>, messages: &mut Receiver<N>) -> Option<Option<N>> {
     py.detach(move || match messages.recv_timeout(SIGNAL_CHECK_INTERVAL) {
         Ok(message) => Some(Some(message)),

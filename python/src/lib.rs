@@ -1,5 +1,5 @@
-//! Python module `umbravox`: volumes, pictures, exact results and tables for NumPy. It has no rendering logic; arguments
-//! mean the same as the flags of their names.
+//! Python module `umbravox`: volumes, pictures, exact results and comparison tables for NumPy. It has no rendering
+//! logic; arguments mean the same as the command-line flags of their names.
 
 mod arguments;
 mod comparing;
@@ -53,7 +53,7 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Arguments of a scene, with their help.
+/// Keyword arguments of a scene, with their help.
 #[pyfunction]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
@@ -65,7 +65,8 @@ fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Writes a picture (height x width x 4, linear RGB and opacity) by the file extension: .png, .exr or .npy.
+/// Writes a picture (height x width x 4, linear RGB and opacity) in the format of the file extension: .png, .exr or
+/// .npy.
 #[pyfunction]
 #[pyo3(signature = (path, picture, *, transparent=false))]
 fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -> fault::Outcome<()> {

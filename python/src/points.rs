@@ -9,10 +9,10 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use umbravox::error::{Error, Result};
 
-/// Points, or segments, between checks for an interrupt.
+/// Number of points or segments that are computed between two checks for Ctrl-C.
 const POINTS_PER_CHECK: usize = 4096;
 
-/// Points of an array whose last axis is x, y and z, and the shape of its other axes.
+/// Returns the points of a NumPy array whose last axis is x, y and z (world mm), and the shape of its other axes.
 pub fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<usize>)> {
     let refuse =
         || Fault::input("bad argument", name, "expected points in world mm, the last axis of length 3");
@@ -36,7 +36,7 @@ pub fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, V
     Ok((points, shape))
 }
 
-/// Reshapes results to the shape of the input.
+/// Reshapes the results for points to the shape of the input array.
 pub fn shaped<'py, T: numpy::Element>(
     py: Python<'py>,
     answers: Vec<T>,
@@ -45,7 +45,7 @@ pub fn shaped<'py, T: numpy::Element>(
     answers.into_pyarray(py).call_method1("reshape", (shape,))
 }
 
-/// Computes results in chunks, between which an interrupt can end the work.
+/// Computes results for points or segments in chunks, between which Ctrl-C can end the computation.
 pub fn in_pieces<Q: Sync>(
     request: &[Q],
     cancellation: &Cancellation,

@@ -1,4 +1,4 @@
-//! Python class `Scene`: a volume, its settings, and the data that stay on the device between queries.
+//! Python class `Scene`: a volume, its settings, and the data that stay on the GPU between queries.
 
 use crate::arguments::Request;
 use crate::comparing::{self, Table};
@@ -20,10 +20,10 @@ use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use umbravox::open::{SceneRequest, SceneSettings};
 
-/// Rows of an exact picture between checks for an interrupt.
+/// Number of rows of an exact picture that are computed between two checks for Ctrl-C.
 const EXACT_ROWS: u32 = 4;
 
-/// A volume with scene settings; every argument is named like the flag of the command line.
+/// Volume with scene settings, for pictures and queries; every argument has the name of a command-line flag.
 #[pyclass(frozen, module = "umbravox", name = "Scene")]
 pub struct PyScene {
     base: Request,
@@ -58,7 +58,7 @@ impl PyScene {
             },
             None => None,
         };
-        // The flag `labels` takes no array.
+        // `Request::parse` accepts no array as `labels`.
         let labels = arguments.get_item("labels")?.filter(|labels| !labels.is_none());
         let labels = match labels {
             Some(labels) if !named(&labels)? || input.is_some() => {
@@ -70,7 +70,7 @@ impl PyScene {
         Self::begin(py, input, labels.as_ref(), Request::parse(Some(&arguments))?)
     }
 
-    /// Scene of a file; arguments win.
+    /// Reads a scene from a TOML file; arguments replace its settings.
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
@@ -78,13 +78,13 @@ impl PyScene {
         Self::begin(py, None, None, Request::parse(arguments)?.over(&below)?)
     }
 
-    /// Volume.
+    /// Volume of the scene.
     #[getter]
     fn volume(&self) -> PyVolume {
         PyVolume { input: self.state.input.clone() }
     }
 
-    /// Notes, one line each.
+    /// Assumptions made about the scene, one line each.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         PyList::new(py, self.state.notes())
@@ -102,7 +102,7 @@ impl PyScene {
         Ok(picture.pixels.into_pyarray(py).into_any())
     }
 
-    /// Draws a picture into a file as `umbravox render` does.
+    /// Renders a picture to a file, like `umbravox render`.
     #[pyo3(signature = (path, **arguments))]
     fn write(&self, py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<()> {
         let request = self.request(arguments)?;
@@ -115,7 +115,7 @@ impl PyScene {
         })
     }
 
-    /// Renders the exact reference picture, which takes minutes at large sizes; `progress` receives its steps.
+    /// Renders the exact reference picture, which takes minutes at large sizes; `progress` is called with each step.
     #[pyo3(signature = (*, progress=None, **arguments))]
     fn exact_picture<'py>(
         &self,
@@ -138,7 +138,7 @@ impl PyScene {
                     if !cancellation.goes_on() {
                         return Err(Error::cancelled("exact picture"));
                     }
-                    // There may be no listener.
+                    // The send fails if nobody listens to the progress.
                     let _ = sender.send(comparing::Step::of(row as usize, height as usize, "exact picture"));
                     let part = field.picture_rows(&scene, rows.clone());
                     picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
@@ -150,7 +150,8 @@ impl PyScene {
         Ok(picture.into_pyarray(py).into_any())
     }
 
-    /// Transmittance from the light to points, n x 3 in world mm, by the scene's method, another one, or `exact`.
+    /// Returns the transmittance from the light to points, n x 3 in world mm, by the scene's shadow method, another
+    /// one, or `exact`.
     #[pyo3(signature = (points, method=None, **arguments))]
     fn transmittance<'py>(
         &self,
@@ -182,7 +183,7 @@ impl PyScene {
         Ok(shaped(py, found, shape)?)
     }
 
-    /// Exact optical depth of segments between points, each n x 3 in world mm.
+    /// Returns the exact optical depth of segments between points, each n x 3 in world mm.
     #[pyo3(signature = (starts, ends, **arguments))]
     fn optical_depth<'py>(
         &self,
@@ -206,7 +207,7 @@ impl PyScene {
         Ok(shaped(py, found, shape)?)
     }
 
-    /// Rows of the error-against-time table, as dictionaries.
+    /// Measures the table of error against time, and returns its rows as dictionaries.
     #[pyo3(signature = (methods=None, *, output=None, repeats=None, points=None, rays=None, depths=None, check="sample",
         budget=None, overwrite=false, resume=false, progress=None, **arguments))]
     #[expect(clippy::too_many_arguments, reason = "each is a flag of the command")]
@@ -260,7 +261,7 @@ impl PyScene {
         rows.as_dicts(py)
     }
 
-    /// Camera of the arguments, as arguments: `eye`, `target`, `up`, `fov`, and a `zoom` of 1.
+    /// Returns the scene's camera as keyword arguments: `eye`, `target`, `up`, `fov`, and a `zoom` of 1.
     #[pyo3(signature = (**arguments))]
     fn camera<'py>(
         &self,
@@ -281,7 +282,7 @@ impl PyScene {
         Ok(dict)
     }
 
-    /// Text of a scene file with the same settings, defaults included.
+    /// Returns the text of a TOML scene file with the settings of the scene, defaults included.
     #[pyo3(signature = (**arguments))]
     fn to_toml(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<String> {
         let request = self.request(arguments)?;
@@ -293,7 +294,7 @@ impl PyScene {
         self.done(py, |cancellation| self.state.resolved(&request, cancellation)?.to_toml())
     }
 
-    /// Cost of the last picture: milliseconds, bytes, and skipped work.
+    /// Cost of the last rendered picture: times in milliseconds, memory in bytes, and skipped work.
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyDict>>> {
         let Some(cost) = self.state.last() else { return Ok(None) };
@@ -328,7 +329,7 @@ impl PyScene {
         let input = match input {
             Some(input) => input,
             None => {
-                // Other arguments are checked before a large file is read.
+                // Checks the other arguments before a large file is read.
                 request.settings.functions(labels.is_some())?;
                 let reads = reading(&request.settings);
                 let input = read_input(py, reads)?;
@@ -351,7 +352,7 @@ impl PyScene {
         Ok(scene)
     }
 
-    /// Arguments over the settings of the scene.
+    /// Combines the arguments of a call with the settings of the scene; arguments win.
     fn request(&self, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Request> {
         let request = Request::parse(arguments)?.over(&self.base)?;
         if !request.settings.reads_as(&self.base.settings) {
@@ -367,7 +368,7 @@ impl PyScene {
         Ok(request)
     }
 
-    /// Runs work that Ctrl-C ends, and issues its warnings.
+    /// Runs a computation that Ctrl-C can end, and issues its warnings in Python.
     fn done<T: Send>(
         &self,
         py: Python<'_>,
@@ -383,7 +384,7 @@ impl PyScene {
     }
 }
 
-/// Volume of an array, with its `spacing` and `labels` from the arguments.
+/// Creates a volume from a NumPy array, with `spacing` and `labels` from the arguments.
 fn of_array(
     py: Python<'_>,
     array: &Bound<'_, PyAny>,

@@ -1,4 +1,4 @@
-//! Questions about a scene and the device state that they share, without Python types.
+//! State of a scene without Python types: the volume, and the device data that its pictures and queries share.
 
 use crate::arguments::Request;
 use crate::device;
@@ -20,31 +20,31 @@ use umbravox::shadow::BuildReport;
 use umbravox::transfer::TransferFunction;
 use umbravox::volume::{DirectionMoments, Volume};
 
-/// Interval between two attempts to lock the device state.
+/// Interval between two attempts to lock the device data of a scene.
 const RETRY_INTERVAL: Duration = Duration::from_millis(2);
-/// Duration of a band of a picture, after which cancellation is checked, ms.
+/// Duration of one band of a picture, after which cancellation is tested, ms.
 const BAND_MS: f64 = 200.0;
 
-/// Volume and the state shared by the questions about it. No answer depends on the questions before it.
+/// Volume and the device data that its pictures and queries share. No result depends on earlier calls.
 pub struct SceneState {
     pub input: InputVolume,
     cache: Mutex<Cache>,
-    /// Locked separately, so that reading notes does not wait for a picture.
+    /// Notes and costs, locked separately, so that reading notes does not wait for a picture.
     reported: Mutex<Reported>,
 }
 
-/// Notes and costs of the questions so far.
+/// Notes and costs of the pictures and queries of a scene so far.
 #[derive(Default)]
 struct Reported {
-    /// Cost of the last picture.
+    /// Cost of the last rendered picture.
     last: Option<Cost>,
-    /// Assumptions not yet reported to the caller.
+    /// Assumptions about the scene that the caller was not yet warned of.
     pending: Vec<Diagnostic>,
     notes: Vec<String>,
 }
 
 impl Reported {
-    /// Adds a note unless it is known; returns whether it was added.
+    /// Adds a note about the scene unless it exists already; returns whether it was added.
     fn note(&mut self, line: &str) -> bool {
         let is_new = !self.notes.iter().any(|note| note == line);
         if is_new {
@@ -54,23 +54,24 @@ impl Reported {
     }
 }
 
-/// Device state and the last look, reused by later questions.
+/// Device data, transfer function and camera of a scene, reused by later pictures and queries.
 #[derive(Default)]
 struct Cache {
     session: Option<CachedSession>,
     scene: Option<CachedScene>,
 }
 
-/// Transfer function and scene defaults for one set of settings.
+/// Transfer function and scene defaults for one set of scene settings.
 struct CachedScene {
     request: Request,
     loaded: Loaded,
-    /// Settings of the camera and the camera framed for them: framing takes longer than a small picture.
+    /// Camera settings, and the camera that was fitted to the volume for them. Fitting takes longer than rendering a
+    /// small picture.
     framed: Option<(SceneSettings, Camera)>,
 }
 
 impl CachedScene {
-    /// Scene for settings with the same look.
+    /// Returns the scene for settings that share the cached transfer function.
     fn scene(&mut self, settings: &SceneSettings) -> Result<Scene> {
         let of_camera = SceneSettings {
             size: settings.size,
@@ -101,7 +102,7 @@ impl CachedScene {
     }
 }
 
-/// Cost of a picture.
+/// Cost of rendering one picture: adapter, times, memory and skipped work.
 #[derive(Clone)]
 pub struct Cost {
     pub adapter: String,
@@ -112,7 +113,7 @@ pub struct Cost {
     pub left_out: Vec<String>,
 }
 
-/// Inputs of the exact reference, copied so that the lock is released meanwhile.
+/// Inputs of the exact reference, copied so that the lock on the device data is free during its computation.
 pub struct ExactInputs {
     volume: Arc<Volume>,
     tf: TransferFunction,
@@ -132,7 +133,7 @@ impl ExactInputs {
 }
 
 impl SceneState {
-    /// Creates a stage without device state.
+    /// Creates the state of a scene, without device data.
     pub fn new(input: InputVolume) -> Self {
         let mut reported = Reported::default();
         input.diagnostics.iter().for_each(|d| {
@@ -141,12 +142,12 @@ impl SceneState {
         Self { input, cache: Mutex::default(), reported: Mutex::new(reported) }
     }
 
-    /// Assumptions, one line each.
+    /// Returns the assumptions made about the scene, one line each.
     pub fn notes(&self) -> Vec<String> {
         lock(&self.reported).notes.clone()
     }
 
-    /// Adds notes.
+    /// Adds notes about the scene.
     pub fn note(&self, notes: &[String]) {
         let mut reported = lock(&self.reported);
         notes.iter().for_each(|line| {
@@ -154,17 +155,17 @@ impl SceneState {
         });
     }
 
-    /// Removes and returns the assumptions made since the last call.
+    /// Removes and returns the assumptions about the scene that were made since the last call.
     pub fn take_pending(&self) -> Vec<Diagnostic> {
         std::mem::take(&mut lock(&self.reported).pending)
     }
 
-    /// Cost of the last picture.
+    /// Returns the cost of the last rendered picture.
     pub fn last(&self) -> Option<Cost> {
         lock(&self.reported).last.clone()
     }
 
-    /// Passes the volume's look and scene to `ask`; the look is cached.
+    /// Calls `ask` with the scene and the volume prepared for its transfer function, which is cached.
     pub fn with_scene<T>(
         &self,
         request: &Request,
@@ -177,7 +178,7 @@ impl SceneState {
         ask(&cached.loaded, scene)
     }
 
-    /// Inputs of the exact reference, and the scene.
+    /// Returns the inputs of the exact reference, and the scene.
     pub fn exact(&self, request: &Request, cancellation: &Cancellation) -> Result<(ExactInputs, Scene)> {
         self.with_scene(request, cancellation, |loaded, scene| Ok((ExactInputs::of(loaded, &scene)?, scene)))
     }
@@ -208,7 +209,8 @@ impl SceneState {
         cache.scene.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "no scene is loaded"))
     }
 
-    /// Diagnostic for a preset applied to an array whose units were never stated; `None` where they are known.
+    /// Returns a warning if a preset or default transfer function is applied to an array whose units were never
+    /// stated; `None` otherwise.
     fn guess(&self, request: &Request, loaded: &Loaded) -> Option<Diagnostic> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
         let is_known =
@@ -225,12 +227,12 @@ impl SceneState {
         Some(Diagnostic::warning(text))
     }
 
-    /// Waits for the device state.
+    /// Waits until the device data of the scene are free, and locks them.
     fn cache(&self, cancellation: &Cancellation) -> Result<MutexGuard<'_, Cache>> {
         loop {
             match self.cache.try_lock() {
                 Ok(cache) => return Ok(cache),
-                // The state stays valid after a failed question.
+                // The cached data stay valid after a failed call.
                 Err(TryLockError::Poisoned(left)) => return Ok(left.into_inner()),
                 Err(TryLockError::WouldBlock) if cancellation.goes_on() => std::thread::sleep(RETRY_INTERVAL),
                 Err(TryLockError::WouldBlock) => {
@@ -244,7 +246,7 @@ impl SceneState {
         device::renderer(request.adapter.as_deref())
     }
 
-    /// Prepares a picture or a query and passes it to `then` with its scene.
+    /// Prepares the device data for a picture or a query, and passes them to `then` with the scene.
     pub fn prepared<T>(
         &self,
         request: &Request,
@@ -254,7 +256,7 @@ impl SceneState {
     ) -> Result<T> {
         let mut cache = self.cache(cancellation)?;
         let renderer = self.renderer(request)?;
-        // A lost device has lost everything on it.
+        // All data on a lost device are lost.
         if cache.session.as_ref().is_some_and(|session| !Arc::ptr_eq(&session.renderer, &renderer)) {
             *cache = Cache::default();
         }
@@ -262,7 +264,7 @@ impl SceneState {
         let (forced, tf) = (cached.request.settings.disabled_optimizations(), cached.loaded.tf.clone());
         let scene = cached.scene(&request.settings)?;
         if cache.session.is_none() {
-            // No answer depends on the questions before it.
+            // Exact reuse only: no result may depend on earlier calls.
             let maps = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Exact);
             let mut session = CachedSession::new(renderer, forced, maps);
             session.load(Arc::clone(&self.input.volume), self.input.strands.clone())?;
@@ -276,7 +278,7 @@ impl SceneState {
         then(session.prepare(method.as_ref(), (&scene, coverage), &mut work)?, &scene, work)
     }
 
-    /// Draws a picture in bands; it can be cancelled between them.
+    /// Renders a picture in bands; the rendering can be cancelled between them.
     pub fn drawn(&self, request: &Request, cancellation: &Cancellation) -> Result<Picture> {
         self.prepared(request, cancellation, MapCoverage::Picture, |prepared, scene, work| {
             let Prepared { renderer, loaded, transfer, shadows } = prepared;
@@ -297,7 +299,7 @@ impl SceneState {
         })
     }
 
-    /// Settings with every default filled in.
+    /// Returns the scene settings with every default filled in.
     pub fn resolved(&self, request: &Request, cancellation: &Cancellation) -> Result<SceneSettings> {
         let settings = &request.settings;
         let mut resolved = self.with_scene(request, cancellation, |loaded, scene| {
@@ -307,7 +309,7 @@ impl SceneState {
         Ok(resolved)
     }
 
-    /// Text chunks of a picture file.
+    /// Returns the text chunks (metadata) of a picture file.
     pub fn texts(&self, request: &Request, cancellation: &Cancellation) -> Result<Vec<(String, String)>> {
         let adapter = self.renderer(request)?.gpu().info.name.clone();
         let is_of_files = self.input.is_of_files() && request.function.is_none();
@@ -316,7 +318,7 @@ impl SceneState {
     }
 }
 
-/// Locks for a moment only.
+/// Locks the notes and costs of a scene, for a moment only.
 fn lock(reported: &Mutex<Reported>) -> MutexGuard<'_, Reported> {
     reported.lock().unwrap_or_else(PoisonError::into_inner)
 }

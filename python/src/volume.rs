@@ -1,4 +1,4 @@
-//! Volumes from NumPy arrays and from files.
+//! Python class `Volume`: volumes from NumPy arrays and from files.
 
 use crate::arguments::{Request, text};
 use crate::fault::{Fault, Outcome};
@@ -19,28 +19,28 @@ use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel,
 use umbravox::with_voxels;
 
 const WHAT: &str = "cannot use volume";
-/// 64-bit integers beyond are not all numbers of 64-bit floats.
+/// Largest magnitude up to which a 64-bit float represents every integer.
 const MAX_EXACT_INTEGER: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
 
-/// Volume in memory.
+/// Volume in memory, with the way it was read.
 #[derive(Clone)]
 pub struct InputVolume {
     pub volume: Arc<Volume>,
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Settings of reading; `None` for an array.
+    /// Settings with which the volume was read from a file; `None` for an array.
     pub read_by: Option<SceneSettings>,
     pub diagnostics: Vec<Diagnostic>,
-    /// Whether the labels come from an array.
+    /// Whether the segmentation labels were given separately from the volume's file.
     pub has_own_labels: bool,
 }
 
 impl InputVolume {
-    /// Whether everything comes from files.
+    /// Whether the volume and its labels come from files, so that a scene file can name them.
     pub fn is_of_files(&self) -> bool {
         self.read_by.is_some() && !self.has_own_labels
     }
 
-    /// Adds the labels of a segmentation, an array or a file, resampled to the volume.
+    /// Adds the labels of a segmentation (an array or a file), resampled to the volume.
     pub fn labelled(self, labels: &Bound<'_, PyAny>, axes: &str) -> Outcome<Self> {
         let py = labels.py();
         let (file, stored) = match text(labels)? {
@@ -80,7 +80,7 @@ impl InputVolume {
     }
 }
 
-/// A scalar field on a regular grid, with an affine to world millimetres (RAS+).
+/// Scalar field on a regular grid, with an affine to world millimetres (RAS+).
 #[pyclass(frozen, module = "umbravox", name = "Volume")]
 pub struct PyVolume {
     pub input: InputVolume,
@@ -139,13 +139,13 @@ impl PyVolume {
         Ok(Self { input })
     }
 
-    /// Voxels along the axes i, j and k.
+    /// Number of voxels along the axes i, j and k.
     #[getter]
     fn shape(&self) -> (usize, usize, usize) {
         self.input.volume.dims().into()
     }
 
-    /// World mm (RAS+) from index coordinates, 4 x 4.
+    /// Affine transform from index coordinates to world mm (RAS+), 4 x 4.
     #[getter]
     fn affine<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         let affine = self.input.volume.world_from_index();
@@ -163,31 +163,31 @@ impl PyVolume {
         self.input.volume.spacing_mm().into()
     }
 
-    /// Smallest and largest value.
+    /// Smallest and largest value of the volume.
     #[getter]
     fn value_range(&self) -> (f64, f64) {
         self.input.volume.value_range().into()
     }
 
-    /// File, or name of the array.
+    /// Name of the volume: its file, or the name of the array.
     #[getter]
     fn name(&self) -> String {
         self.input.volume.provenance.source.clone()
     }
 
-    /// Notes about reading.
+    /// Assumptions made while reading the volume, one line each.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         PyList::new(py, self.input.diagnostics.iter().map(|d| &d.message))
     }
 
-    /// Labels of the voxels; empty without a segmentation.
+    /// Label numbers of the volume's segmentation; empty without a segmentation.
     #[getter]
     fn labels(&self) -> Vec<u32> {
         self.input.volume.labels().map_or_else(Vec::new, |labels| labels.ids().to_vec())
     }
 
-    /// Copy of the values, axes i, j, k: in the stored type without scaling, else float64.
+    /// Returns a copy of the voxel values with axes i, j, k: in the stored type without scaling, else float64.
     fn voxels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let volume = &self.input.volume;
         let scaling = volume.scaling();
@@ -198,7 +198,7 @@ impl PyVolume {
         array.getattr("T")
     }
 
-    /// Values for NumPy.
+    /// Returns the voxel values as a NumPy array.
     #[pyo3(signature = (dtype=None, copy=None))]
     fn __array__<'py>(
         &self,
@@ -233,7 +233,7 @@ impl PyVolume {
     }
 }
 
-/// Reads a volume; arguments are the flags of their names.
+/// Reads a volume from a file; arguments have the names of command-line flags.
 #[pyfunction]
 #[pyo3(signature = (path, **arguments))]
 pub fn read(
@@ -257,7 +257,7 @@ pub fn read(
     Ok(PyVolume { input })
 }
 
-/// Settings about reading a volume.
+/// Returns only the settings about reading a volume, from all settings of a scene.
 pub fn reading(settings: &SceneSettings) -> SceneSettings {
     let mut reads = SceneSettings {
         volume: settings.volume.clone(),
@@ -269,7 +269,7 @@ pub fn reading(settings: &SceneSettings) -> SceneSettings {
     reads
 }
 
-/// Reads the volume of settings.
+/// Reads the volume file that the settings name.
 pub fn read_input(py: Python<'_>, settings: SceneSettings) -> Outcome<InputVolume> {
     let loading = Loading::default();
     let mut diagnostics = Vec::new();
@@ -279,7 +279,7 @@ pub fn read_input(py: Python<'_>, settings: SceneSettings) -> Outcome<InputVolum
     Ok(InputVolume { volume, strands, read_by, diagnostics, has_own_labels: false })
 }
 
-/// Issues warnings of Python.
+/// Issues Python warnings for the diagnostics that are warnings.
 pub fn warn(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
     for warning in diagnostics.iter().filter(|d| d.level == Level::Warning) {
         py.import("warnings")?.call_method1("warn", (&warning.message,))?;
@@ -287,7 +287,7 @@ pub fn warn(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
     Ok(())
 }
 
-/// Array and affine of a nibabel image; other objects stay the same.
+/// Returns the array and the affine of a nibabel image; other objects are returned unchanged, without affine.
 fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     match given.hasattr("dataobj")? && given.hasattr("affine")? {
         true => Ok((given.getattr("dataobj")?, Some(given.getattr("affine")?))),
@@ -295,7 +295,8 @@ fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Opti
     }
 }
 
-/// Voxels of an array with three axes, with the stored type and a warning.
+/// Converts a Python array with three axes to voxels; also returns its stored type, and a warning if values were
+/// rounded.
 fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, String, Option<String>)> {
     let refuse = |why: String| Fault::input(WHAT, name, why);
     let py = given.py();
@@ -316,7 +317,7 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
     };
     let (kind, bytes): (String, usize) =
         (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
-    // Other types are widened to the next one that holds them, as in files.
+    // Other types are converted to the next wider type, as in files.
     let to = match (kind.as_str(), bytes) {
         ("b", _) | ("u", 1) => "u1",
         ("i", 1 | 2) => "i2",
@@ -342,7 +343,7 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
     Ok((voxels, stored_type, inexact.then(|| "integers beyond 2^53 were rounded to 53 bits".into())))
 }
 
-/// Refuses a masked array, whose masked values are undefined.
+/// Returns an error for a masked NumPy array, whose masked values are undefined.
 pub fn refuse_masked(given: &Bound<'_, PyAny>, name: &str) -> Outcome<()> {
     let masked = given.py().import("numpy")?.getattr("ma")?.getattr("MaskedArray")?;
     match given.is_instance(&masked)? {
@@ -351,7 +352,7 @@ pub fn refuse_masked(given: &Bound<'_, PyAny>, name: &str) -> Outcome<()> {
     }
 }
 
-/// Voxel spacing, as three numbers or a text.
+/// Reads a voxel spacing (mm) from a Python object: three numbers or a text.
 fn spacing_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<[f64; 3]> {
     let refuse = || Fault::input(WHAT, name, "its spacing is not three lengths in mm");
     match text(given)? {
@@ -363,12 +364,12 @@ fn spacing_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<[f64; 3]> {
     }
 }
 
-/// A copy with the last axis fastest.
+/// Returns a copy of a NumPy array with the last axis fastest in memory.
 fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T> {
     array.as_array().as_standard_layout().into_owned()
 }
 
-/// Affine of a 4 x 4 matrix.
+/// Reads an affine transform from a 4 x 4 matrix in a Python array.
 fn affine_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<DAffine3> {
     let refuse = |why: &str| Fault::input(WHAT, name, why);
     let numpy = given.py().import("numpy")?;

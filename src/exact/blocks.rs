@@ -1,34 +1,35 @@
-//! Blocks of cells without extinction, which rays skip.
+//! Blocks of volume cells without extinction, which rays of the exact reference skip.
 
 use super::law::Laws;
 use crate::volume::{Scaling, Voxel};
 use rayon::prelude::*;
 
-/// Cells along a block's edge, as a power of two.
+/// Number of cells along a block's edge, as the exponent of a power of two.
 const SHIFT: u32 = 3;
 
-/// Block that contains a cell on one axis; cells run from -1 (before the first voxel centre) to `n - 1`.
+/// Returns the index of the block that contains a volume cell, on one axis. Cells run from -1 (before the first voxel
+/// centre) to `n - 1`.
 #[inline]
 pub(super) fn block_of(cell: i64) -> i64 {
     (cell + 1) >> SHIFT
 }
 
-/// First and last cell of a block on one axis.
+/// Returns the first and last volume cell of a block, on one axis.
 #[inline]
 pub(super) fn cells_of(block: i64) -> [i64; 2] {
     [(block << SHIFT) - 1, ((block + 1) << SHIFT) - 2]
 }
 
-/// Labels of the voxels, with the function of each.
+/// Segmentation labels of the voxels, with the index of the transfer function of each label.
 #[derive(Clone, Copy)]
 pub(super) struct Labelled<'a> {
-    /// Rank of each voxel's label among all labels.
+    /// Rank of each voxel's segmentation label among all labels.
     pub ranks: &'a [u8],
-    /// Function of each label: an index into the laws, `None` without extinction.
+    /// Index of the transfer function of each segmentation label; `None` if the label has no extinction.
     pub functions: &'a [Option<usize>],
 }
 
-/// Flag for every block of cells.
+/// Flag for each block of volume cells that tells whether it may have extinction.
 #[derive(Debug, Clone)]
 pub(super) struct Blocks {
     counts: [usize; 3],
@@ -55,7 +56,7 @@ impl Blocks {
             let [x, y, z] = std::array::from_fn(|axis| reach(axis, block[axis]));
             let first = voxels[*x.start() + dims[0] * (*y.start() + dims[1] * *z.start())];
             let (mut min, mut max) = (first, first);
-            // Functions of the block's voxels, a bit each.
+            // Transfer functions of the block's voxels, one bit each.
             let mut used = u64::from(labels.is_none());
             for k in z {
                 for j in y.clone() {
@@ -79,7 +80,7 @@ impl Blocks {
         Self { counts, active }
     }
 
-    /// Whether a block may have extinction.
+    /// Whether a block of volume cells may have extinction.
     #[inline]
     pub fn is_active(&self, [x, y, z]: [i64; 3]) -> bool {
         self.active[x as usize + self.counts[0] * (y as usize + self.counts[1] * z as usize)]

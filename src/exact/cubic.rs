@@ -1,6 +1,7 @@
-//! Cubic polynomials on the unit interval, the values of a trilinear field along a ray within one cell.
+//! Cubic polynomials on the unit interval. The value of a trilinear field along a ray within one cell is such a
+//! cubic.
 
-/// Polynomial `c[0] + c[1] x + c[2] x^2 + c[3] x^3` for `x` in `[0, 1]`.
+/// Cubic polynomial `c[0] + c[1] x + c[2] x^2 + c[3] x^3` for `x` in `[0, 1]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cubic(pub [f64; 4]);
 
@@ -17,7 +18,7 @@ impl Cubic {
         b + x * (2.0 * c + x * (3.0 * d))
     }
 
-    /// Substitutes `x = from + scale * y`.
+    /// Returns the cubic polynomial in `y` after the substitution `x = from + scale * y`.
     pub fn substitute(&self, from: f64, scale: f64) -> Self {
         let [_, _, c, d] = self.0;
         Self([
@@ -28,12 +29,12 @@ impl Cubic {
         ])
     }
 
-    /// Maps `[from, to]` to `[0, 1]`.
+    /// Returns the cubic polynomial with the interval `[from, to]` mapped to `[0, 1]`.
     pub fn restrict(&self, from: f64, to: f64) -> Self {
         self.substitute(from, to - from)
     }
 
-    /// Turning points strictly inside `(0, 1)`, ascending; missing ones are 1.
+    /// Returns the turning points of the cubic strictly inside `(0, 1)`, ascending; missing ones are 1.
     pub fn turning_points(&self) -> [f64; 2] {
         let [_, c, b, a] = [self.0[0], self.0[1], self.0[2], 3.0 * self.0[3]];
         let discriminant = b * b - a * c;
@@ -47,9 +48,11 @@ impl Cubic {
         [x0.min(x1), x0.max(x1)]
     }
 
-    /// Solves for the value `v` between `low` and `high`, where the curve is monotone.
+    /// Returns the position between `low` and `high` at which the cubic has the value `v`; the cubic must be monotone
+    /// there.
     ///
-    /// Newton's method within a shrinking bracket, until the residual is rounding or the bracket empty.
+    /// The solver is Newton's method within a shrinking bracket. It ends when the residual is as small as a rounding
+    /// error, or the bracket is empty.
     pub fn solve(&self, v: f64, mut low: f64, mut high: f64, rising: bool) -> f64 {
         const MOST_STEPS: usize = 120;
         let shifted = Self([self.0[0] - v, self.0[1], self.0[2], self.0[3]]);

@@ -1,10 +1,10 @@
-//! Optical depth as a function of depth along one ray, and its inverse.
+//! Exact optical depth as a function of depth along one ray, and its inverse.
 
 use super::law::{Law, Laws};
 use super::traversal::RayPiece;
 
-/// Cumulative optical depth along a ray. It consists of smooth pieces, each integrated from its own start, so that the value is
-/// exact at every depth.
+/// Exact optical depth along a ray, accumulated from its origin. The curve consists of smooth pieces, each integrated
+/// from its own start, so that the value is exact at every depth.
 ///
 /// Depths are mm from the ray's origin.
 #[derive(Debug, Clone)]
@@ -12,24 +12,24 @@ pub struct OpticalDepthCurve<'a> {
     laws: &'a [Laws],
     pieces: Vec<CurvePiece>,
     total: f64,
-    /// Length of the ray, whose end is no jump.
+    /// Length of the ray, mm; its end does not count as a jump of extinction.
     length_mm: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct CurvePiece {
     piece: RayPiece,
-    /// Optical depth before the piece.
+    /// Optical depth from the origin of the ray to the start of this piece of it.
     before: f64,
 }
 
-/// Point of a curve at an optical depth.
+/// Point of a ray at which the accumulated optical depth reaches a given value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CurvePoint {
     pub depth_mm: f64,
-    /// Scalar value there.
+    /// Scalar value of the volume at the point.
     pub value: f64,
-    /// Index of the function there in [`crate::transfer::TransferFunction::functions`].
+    /// Index of the transfer function at the point in [`crate::transfer::TransferFunction::functions`].
     pub function: usize,
 }
 
@@ -43,12 +43,13 @@ impl<'a> OpticalDepthCurve<'a> {
         self.total += self.within(&piece, 1.0);
     }
 
-    /// Optical depth of the whole ray.
+    /// Returns the optical depth of the whole ray.
     pub fn total(&self) -> f64 {
         self.total
     }
 
-    /// Optical depth from the ray's origin to `depth_mm`; 0 before it and the total beyond its end.
+    /// Returns the optical depth from the ray's origin to `depth_mm`; 0 before the origin and the total beyond the
+    /// ray's end.
     pub fn optical_depth_at(&self, depth_mm: f64) -> f64 {
         let after = self.pieces.partition_point(|p| p.piece.start_mm < depth_mm);
         let Some(CurvePiece { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
@@ -58,12 +59,13 @@ impl<'a> OpticalDepthCurve<'a> {
         before + self.within(piece, x.min(1.0))
     }
 
-    /// Transmittance from the ray's origin to `depth_mm`.
+    /// Returns the transmittance from the ray's origin to `depth_mm`.
     pub fn transmittance_at(&self, depth_mm: f64) -> f64 {
         (-self.optical_depth_at(depth_mm)).exp()
     }
 
-    /// Smallest depth at which the optical depth reaches `tau`, if it does; 0 for `tau <= 0`.
+    /// Returns the smallest depth along the ray (mm) at which the optical depth reaches `tau`; `None` if it never
+    /// does, 0 for `tau <= 0`.
     pub fn depth_of_optical_depth(&self, tau: f64) -> Option<f64> {
         if tau <= 0.0 {
             return Some(0.0);
@@ -71,7 +73,7 @@ impl<'a> OpticalDepthCurve<'a> {
         self.find(tau).map(|f| f.depth_mm)
     }
 
-    /// Point at which the optical depth reaches `tau > 0`; `None` beyond the total.
+    /// Returns the point of the ray at which the optical depth reaches `tau > 0`; `None` beyond the total.
     pub(super) fn find(&self, tau: f64) -> Option<CurvePoint> {
         if tau.is_nan() || tau > self.total {
             return None;
@@ -84,8 +86,9 @@ impl<'a> OpticalDepthCurve<'a> {
         Some(CurvePoint { depth_mm, value: piece.value.at(x), function: piece.function })
     }
 
-    /// Depths at which extinction jumps or bends, ascending: the value passes a point of the transfer function next to
-    /// extinction, or the ray enters or leaves the domain within extinction.
+    /// Returns the depths along the ray (mm, ascending) at which extinction jumps or bends. There the value passes a
+    /// control point of the transfer function next to extinction, or the ray enters or leaves the domain within
+    /// extinction.
     pub fn jumps(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
         let mut last: Option<&RayPiece> = None;
@@ -106,13 +109,13 @@ impl<'a> OpticalDepthCurve<'a> {
         &self.laws[piece.function].laws[piece.law]
     }
 
-    /// Optical depth from a piece's start to the fraction `x` of it.
+    /// Returns the optical depth from the start of a piece of the ray to the fraction `x` of its length.
     #[inline]
     fn within(&self, piece: &RayPiece, x: f64) -> f64 {
         self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
-    /// Fraction of a piece at which its optical depth reaches `tau`.
+    /// Returns the fraction of a ray piece's length at which its optical depth reaches `tau`.
     fn invert(&self, piece: &RayPiece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;

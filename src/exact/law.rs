@@ -1,4 +1,5 @@
-//! Laws of extinction on intervals of value, and their integrals along a cubic.
+//! Transfer functions as formulas (laws) of extinction on intervals of value, and the integrals of extinction along a
+//! cubic.
 
 use super::cubic::Cubic;
 use crate::transfer::{ControlPoint, MAX_OPACITY, Quantity, TransferFunction};
@@ -19,7 +20,7 @@ const GAUSS_10: [(f64, f64); 5] = [
     (0.9739065285171717, 0.06667134430868814),
 ];
 
-/// Straight part of the transfer function, `amount + slope * (s - value)`.
+/// Linear segment of a transfer function: `amount + slope * (s - value)` at the value `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ramp {
     value: f64,
@@ -44,21 +45,22 @@ impl Ramp {
     }
 }
 
-/// Extinction as a function of the value on one interval.
+/// Formula of extinction as a function of value, on one interval of a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// No extinction.
+    /// Extinction is zero on the whole interval of values.
     Clear,
-    /// Constant extinction, 1/mm.
+    /// Extinction is constant on the interval of values, 1/mm.
     Constant(f64),
-    /// Ramp of the extinction, 1/mm.
+    /// Extinction (1/mm) is a linear function of the value.
     Extinction(Ramp),
-    /// Ramp of the opacity per reference length; `per_mm` is the reciprocal of that length.
+    /// Opacity per reference length is a linear function of the value; `per_mm` is the reciprocal of the reference
+    /// length.
     Opacity { ramp: Ramp, per_mm: f64 },
 }
 
 impl Law {
-    /// Extinction at the value `s`, 1/mm.
+    /// Returns the extinction at the value `s`, 1/mm.
     #[inline]
     pub fn extinction(&self, s: f64) -> f64 {
         match self {
@@ -69,7 +71,8 @@ impl Law {
         }
     }
 
-    /// Integral of the extinction over `x` in `[from, to]` where the value runs along `s(x)`.
+    /// Returns the integral of the extinction over `x` in `[from, to]`, where the value along the ray is the cubic
+    /// `s(x)`.
     #[inline]
     pub fn integral(&self, s: &Cubic, from: f64, to: f64) -> f64 {
         match self {
@@ -86,13 +89,13 @@ impl Law {
     }
 }
 
-/// `-ln(1 - opacity)`.
+/// Returns the optical depth `-ln(1 - opacity)` of an opacity.
 #[inline]
 fn absorbance(opacity: f64) -> f64 {
     -(-opacity.clamp(0.0, MAX_OPACITY)).ln_1p()
 }
 
-/// Integral of `-ln(1 - opacity(x))` over `[from, to]` to a relative error of about 1e-13.
+/// Returns the integral of `-ln(1 - opacity(x))` over `[from, to]`, to a relative error of about 1e-13.
 ///
 /// With `z` in `[-1, 1]` over the interval, `1 - opacity = q (1 + e1 z + e2 z^2 + e3 z^3)`. Where
 /// `|e1| R + |e2| R^2 + |e3| R^3 <= 0.9` the logarithm is analytic in the disc of radius `R`, which holds the
@@ -128,15 +131,16 @@ fn absorbance_part(opacity: &Cubic, from: f64, to: f64, halvings_left: u32) -> f
     }
 }
 
-/// Transfer function as laws on intervals of value. Interval `i` runs from `cuts[i - 1]` up to, but without,
-/// `cuts[i]`, and obeys `laws[i]`.
+/// Transfer function, as one formula of extinction (law) for each interval of values. Interval `i` runs from `cuts[i
+/// - 1]` up to, but without, `cuts[i]`, and has the formula `laws[i]`.
 #[derive(Debug, Clone)]
 pub(super) struct Laws {
     pub cuts: Vec<f64>,
     pub laws: Vec<Law>,
-    /// Number of laws before each that are not [`Law::Clear`].
+    /// Number of formulas before each index that have extinction, i.e. are not [`Law::Clear`].
     active_before: Vec<u32>,
-    /// Values below `clear_below` and from `clear_from` on have no extinction.
+    /// Limits of the values with extinction: the transfer function has none below `clear_below`, and none from
+    /// `clear_from` on.
     clear_below: f64,
     clear_from: f64,
 }
@@ -170,19 +174,20 @@ impl Laws {
         Self { cuts, laws, active_before, clear_below, clear_from }
     }
 
-    /// Interval that contains `value`.
+    /// Returns the index of the transfer function's interval that contains `value`.
     #[inline]
     pub fn interval(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut <= value)
     }
 
-    /// Interval just below `value`.
+    /// Returns the index of the transfer function's interval just below `value`.
     #[inline]
     pub fn interval_below(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut < value)
     }
 
-    /// Intervals that contain `min` and `max`; `None` if there is no extinction between the two.
+    /// Returns the intervals of the transfer function that contain `min` and `max`; `None` if there is no extinction
+    /// between the two.
     #[inline]
     pub fn active(&self, min: f64, max: f64) -> Option<(usize, usize)> {
         if max < self.clear_below || min >= self.clear_from {
@@ -197,7 +202,8 @@ fn constant(tf: &TransferFunction, amount: f64) -> Law {
     if amount > 0.0 { Law::Constant(tf.extinction_of_amount(amount)) } else { Law::Clear }
 }
 
-/// Adds the laws from point `a` to point `b` of a larger value.
+/// Adds the formulas of extinction between two control points of the transfer function, `a` and `b`, where `b` has
+/// the larger value.
 fn stretch(tf: &TransferFunction, a: &ControlPoint, b: &ControlPoint, push: &mut impl FnMut(f64, Law)) {
     if a.amount == b.amount {
         return push(a.value, constant(tf, a.amount));
@@ -207,7 +213,7 @@ fn stretch(tf: &TransferFunction, a: &ControlPoint, b: &ControlPoint, push: &mut
         return push(a.value, Law::Extinction(ramp));
     }
     let law = Law::Opacity { ramp, per_mm: tf.reference_length_mm.recip() };
-    // Opacity is clamped just below 1, which makes a kink like that of a point.
+    // Opacity is clamped just below 1, which adds a kink like that of a control point.
     let clamped = [a, b].map(|p| p.amount > MAX_OPACITY);
     let kink = a.value + (MAX_OPACITY - a.amount) / ramp.slope;
     let inside = kink > a.value && kink < b.value;
@@ -266,7 +272,7 @@ mod tests {
         assert_eq!(laws.active(f64::MIN, f64::MAX), None);
     }
 
-    /// Against the antiderivative of the logarithm of a linear function, from gentle to singular.
+    /// The integral over a linear opacity matches the closed form, from small slopes to singular ones.
     #[test]
     fn opacity_ramps_meet_the_closed_form() {
         let primitive = |q: f64| q * q.ln() - q;
@@ -279,7 +285,7 @@ mod tests {
         assert!((faint / (5e-7 + 1e-12 / 6.0) - 1.0).abs() < 1e-12, "{faint}");
     }
 
-    /// A cubic with three known roots, whose logarithm splits into those of linear functions.
+    /// The integral over a cubic opacity with three known roots matches the closed form, a sum of linear terms.
     #[test]
     fn cubic_opacity_meets_the_closed_form() {
         // 1 - opacity = k (r0 - x)(r1 - x)(r2 + x); each factor integrates in closed form.

@@ -1,10 +1,11 @@
-//! Float64 reference on the CPU, against which errors of all methods are measured.
+//! Exact reference on the CPU in float64, against which the errors of all shadow methods are measured.
 //!
-//! A ray is traversed cell by cell. Within a cell the trilinear value is a cubic of the distance. The cubic is cut where
-//! it passes a point of the transfer function, and each smooth piece is integrated to a relative error of about 1e-12. For an
-//! extinction ramp the rule is exact; for an opacity ramp (the logarithm of a cubic) its order is proved to be high
-//! enough. Blocks of cells without extinction are skipped, which changes no bit of the result. The module shares no
-//! table and no code with the GPU path.
+//! A ray is traversed cell by cell. Within a cell the trilinear value is a cubic of the distance. The cubic is cut
+//! where it passes a control point of the transfer function, and each smooth piece is integrated to a relative error
+//! of about 1e-12. If extinction is linear in the value, the quadrature is exact. If opacity is linear (so that
+//! extinction is the logarithm of a cubic), the order of the quadrature is proved to be high enough. Blocks of cells
+//! without extinction are skipped, which changes no bit of the result. The module shares no table and no code with
+//! the GPU path.
 
 mod blocks;
 mod cubic;
@@ -31,24 +32,26 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use traversal::{Ray, RayPiece, VoxelGrid};
 
-/// Optical depth whose transmittance is negligible beside 1 in `f64`.
+/// Optical depth at which transmittance is negligible beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;
 
-/// Volume with a transfer function, evaluated exactly.
+/// Volume with a transfer function, for which optical depth, transmittance and pictures are computed exactly in
+/// float64.
 #[derive(Debug, Clone)]
 pub struct ExactField<'a> {
     volume: &'a Volume,
     transfer_function: &'a TransferFunction,
-    /// Laws of each of the transfer function's functions.
+    /// Formulas of extinction of each function in the transfer function.
     laws: Vec<Laws>,
-    /// Function of each label in the order of [`crate::volume::Labels::ids`]; `None` for hidden labels.
+    /// Index of the transfer function of each label, in the order of [`crate::volume::Labels::ids`]; `None` for
+    /// hidden labels.
     functions: Vec<Option<usize>>,
     blocks: Blocks,
     directions: Option<Arc<DirectionMoments>>,
 }
 
 impl<'a> ExactField<'a> {
-    /// Prepares the transfer function, and finds the blocks with extinction.
+    /// Creates an exact reference for a volume with a transfer function, and finds the blocks with extinction.
     pub fn new(volume: &'a Volume, transfer_function: &'a TransferFunction) -> Self {
         let laws: Vec<Laws> = match volume.labels() {
             Some(_) => transfer_function.functions().map(Laws::new).collect(),
@@ -67,24 +70,24 @@ impl<'a> ExactField<'a> {
         Self { volume, transfer_function, laws, functions, blocks, directions: None }
     }
 
-    /// Sets the directions of the strands from which the volume was made.
+    /// Sets the directions of the strands from which the volume was made, which Kajiya-Kay shading needs.
     #[must_use]
     pub fn with_directions(self, directions: Option<Arc<DirectionMoments>>) -> Self {
         Self { directions, ..self }
     }
 
-    /// The volume.
+    /// Returns the volume of the exact reference.
     pub fn volume(&self) -> &'a Volume {
         self.volume
     }
 
-    /// The transfer function.
+    /// Returns the transfer function of the exact reference.
     pub fn transfer_function(&self) -> &'a TransferFunction {
         self.transfer_function
     }
 
-    /// Optical depth of the segment from `a` to `b`, world mm; NaN if they are not finite or too far apart
-    /// for `f64`.
+    /// Returns the exact optical depth of the segment from `a` to `b` (world mm). It is NaN if the points are not
+    /// finite or too far apart for `f64`.
     pub fn optical_depth(&self, a: DVec3, b: DVec3) -> f64 {
         match direction_and_length(a, b) {
             Some((direction, length_mm)) => self.optical_depth_along(a, direction, length_mm, f64::INFINITY),
@@ -92,13 +95,13 @@ impl<'a> ExactField<'a> {
         }
     }
 
-    /// [`Self::optical_depth`] of many segments at once.
+    /// Returns the exact optical depths of many segments (world mm) in parallel ([`Self::optical_depth`]).
     pub fn optical_depths(&self, segments: &[(DVec3, DVec3)]) -> Vec<f64> {
         segments.par_iter().map(|&(a, b)| self.optical_depth(a, b)).collect()
     }
 
-    /// Cumulative optical depth along the segment from `a` to `b`, world mm, over depths `[0, |b - a|]` from `a`;
-    /// without any extinction where the ends are not finite.
+    /// Returns the exact optical depth as a function of depth along the segment from `a` to `b` (world mm), over
+    /// depths `[0, |b - a|]`. It has no extinction if the ends are not finite.
     pub fn curve(&self, a: DVec3, b: DVec3) -> OpticalDepthCurve<'_> {
         match direction_and_length(a, b) {
             Some((direction, length_mm)) => self.curve_along(a, direction, length_mm),
@@ -106,7 +109,8 @@ impl<'a> ExactField<'a> {
         }
     }
 
-    /// Cumulative optical depth from `origin` along the unit `direction`, world mm; `length_mm` may be infinite.
+    /// Returns the exact optical depth as a function of depth along the ray from `origin` in the unit `direction`
+    /// (world mm). `length_mm` may be infinite.
     pub fn curve_along(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> OpticalDepthCurve<'_> {
         let mut curve = OpticalDepthCurve::new(&self.laws, length_mm);
         self.traverse(origin, direction, length_mm, |piece| {
@@ -116,14 +120,15 @@ impl<'a> ExactField<'a> {
         curve
     }
 
-    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters (0 if it starts inside) and leaves
-    /// the unclipped part of the domain; `None` where it misses.
+    /// Returns the distances (mm) at which the ray from `origin` in the unit `direction` (world mm) enters and leaves
+    /// the volume's domain, after clip planes. The first is 0 if the ray starts inside; `None` if the ray misses.
     pub fn span_in_domain(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let ray = self.ray(origin, direction, f64::INFINITY)?;
         Some([ray.enter_mm, ray.exit_mm])
     }
 
-    /// Ray from `origin` in the unit `direction`, world mm, clipped to the domain and by the clip planes.
+    /// Returns the ray from `origin` in the unit `direction` (world mm), clipped to the volume's domain and by the
+    /// clip planes.
     fn ray(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> Option<Ray> {
         let planes = self.transfer_function.clip.iter();
         let interval =
@@ -133,8 +138,8 @@ impl<'a> ExactField<'a> {
         Ray::clipped(origin, direction, interval, self.volume.dims())
     }
 
-    /// Whether there is any extinction along the ray from `origin` in the unit `direction`, world mm; `length_mm` may
-    /// be infinite.
+    /// Whether the ray from `origin` in the unit `direction` (world mm) meets any extinction; `length_mm` may be
+    /// infinite.
     pub fn meets_extinction(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> bool {
         let mut met = false;
         self.traverse(origin, direction, length_mm, |_| {
@@ -144,14 +149,15 @@ impl<'a> ExactField<'a> {
         met
     }
 
-    /// Transmittance between `x` (world mm) and the light: to a point light's position, or out of the domain for
-    /// a directional one; NaN where either is not finite. Below 1e-17 it may be given as any number from 0 to 1e-17.
+    /// Returns the exact transmittance between the point `x` (world mm) and a light. The light ray ends at a point
+    /// light's position, or leaves the domain for a directional light. The result is NaN if the point or the light is
+    /// not finite. Below 1e-17 it may be any number from 0 to 1e-17.
     pub fn transmittance_to_light(&self, x: DVec3, light: &Light) -> f64 {
         let (direction, length_mm) = light.from_point(x);
         (-self.optical_depth_along(x, direction, length_mm, OPAQUE)).exp()
     }
 
-    /// Optical depth along a ray; the sum may stop beyond `enough`.
+    /// Returns the exact optical depth along a ray; the summation may stop once it exceeds `enough`.
     fn optical_depth_along(&self, origin: DVec3, direction: DVec3, length_mm: f64, enough: f64) -> f64 {
         if !(origin.is_finite() && direction.is_finite()) {
             return f64::NAN;
@@ -165,7 +171,7 @@ impl<'a> ExactField<'a> {
         sum
     }
 
-    /// Visits the pieces of a ray that have extinction, in order.
+    /// Calls `visit` with each piece of a ray that has extinction, in order.
     fn traverse(
         &self,
         origin: DVec3,
@@ -184,17 +190,17 @@ impl<'a> ExactField<'a> {
     }
 }
 
-/// Labels of a volume with the function of each.
+/// Returns the labels of the volume's voxels with the transfer function of each label; `None` without a segmentation.
 fn labelled<'a>(volume: &'a Volume, functions: &'a [Option<usize>]) -> Option<Labelled<'a>> {
     volume.labels().map(|labels| Labelled { ranks: labels.ranks(), functions })
 }
 
-/// Voxels in memory order.
+/// Returns the voxels as a slice in memory order.
 fn contiguous<V>(voxels: &Array3<V>) -> &[V] {
     voxels.as_slice().expect("a Volume refuses voxels that are not contiguous")
 }
 
-/// Unit direction from `a` to `b` and their distance; `None` where it is not finite.
+/// Returns the unit direction from `a` to `b` and their distance; `None` if they are not finite.
 fn direction_and_length(a: DVec3, b: DVec3) -> Option<(DVec3, f64)> {
     let d = b - a;
     let largest = d.abs().max_element();

@@ -1,5 +1,7 @@
-//! Exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) sum_i L_i T_i f_i) dt + T_eye background`
-//! along each pixel's ray, with exact shadow rays and the shading factors `f_i` at every node of an adaptive rule.
+//! Exact rendering of small pictures in float64. The colour of a pixel is `C = ∫ T_eye sigma c (ambient + (1 -
+//! ambient) sum_i L_i T_i f_i) dt + T_eye background` along its ray. Here `sigma` is extinction, `c` colour, `L_i`
+//! the radiance of light `i`, `T_i` its exact transmittance and `f_i` its shading factor. The integral is computed by
+//! adaptive quadrature, with exact shadow rays at each node.
 
 use super::ExactField;
 use crate::mesh::{Hit, SURFACE_GAP};
@@ -9,22 +11,22 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Accuracy of a pixel's integral.
+/// Accuracy settings of the adaptive quadrature that integrates the colour of a pixel.
 #[derive(Debug, Clone, Copy)]
 struct Rule {
-    /// Largest estimated error of a channel (colours in `[0, 1]`).
+    /// Largest estimated error of a pixel's colour channel (colours in `[0, 1]`).
     tolerance: f64,
-    /// Number of panels at the start, so that a narrow shadow is not missed.
+    /// Number of quadrature panels at the start, enough not to miss a narrow shadow.
     first_panels: usize,
-    /// Largest number of panels.
+    /// Largest number of quadrature panels along a ray.
     most_panels: usize,
 }
 
 const RULE: Rule = Rule { tolerance: 5e-5, first_panels: 6, most_panels: 200 };
-/// Finer rule that [`RULE`] is checked against.
+/// Finer quadrature of a pixel's colour, against which the normal accuracy is tested.
 const FINER: Rule = Rule { tolerance: RULE.tolerance / 16.0, first_panels: 24, most_panels: 800 };
 
-/// Kronrod's 15 points on `[-1, 1]`: node, its weight, and its weight in the Gauss rule of the 7 odd ones.
+/// Gauss-Kronrod rule with 15 nodes on `[-1, 1]`: node, its Kronrod weight, and its weight in the 7-point Gauss rule.
 const KRONROD: [(f64, f64, f64); 8] = [
     (0.991_455_371_120_812_6, 0.022_935_322_010_529_224, 0.0),
     (0.949_107_912_342_758_5, 0.063_092_092_629_978_56, 0.129_484_966_168_869_7),
@@ -37,14 +39,14 @@ const KRONROD: [(f64, f64, f64); 8] = [
 ];
 
 impl ExactField<'_> {
-    /// Picture of `scene` as `[row, column, channel]`: linear RGB and opacity `1 - T_eye`, to about 1e-4.
+    /// Renders the exact picture of `scene` as `[row, column, channel]`: linear RGB and opacity, to about 1e-4.
     ///
-    /// Seconds at 48 x 32; meant for small sizes.
+    /// Rendering takes seconds at 48 x 32 pixels; it is meant for small pictures.
     pub fn picture(&self, scene: &Scene) -> Array3<f32> {
         self.picture_rows(scene, 0..scene.height)
     }
 
-    /// Rows of [`Self::picture`].
+    /// Renders the given rows of the exact picture ([`Self::picture`]).
     pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Array3<f32> {
         let (width, height) = (scene.width as usize, rows.len());
         let first = f64::from(rows.start);
@@ -56,11 +58,11 @@ impl ExactField<'_> {
         })
     }
 
-    /// Error estimate of [`Self::picture`]: the largest change of a channel with a sixteenth of the tolerance and panels a
-    /// quarter as wide, over about `count` evenly spread pixels.
+    /// Returns an error estimate of the exact picture ([`Self::picture`]). It is the largest change of a channel with
+    /// a sixteenth of the tolerance and panels a quarter as wide, over about `count` evenly spread pixels.
     ///
-    /// All other parts of a pixel are exact to 1e-12: the optical depth of its ray and of each shadow ray. One ray a pixel is the
-    /// model, not an approximation.
+    /// All other parts of a pixel are exact to 1e-12: the optical depth of its ray and of each shadow ray. One ray
+    /// per pixel is part of the model, not an approximation.
     pub fn picture_change(&self, scene: &Scene, picture: &Array3<f32>, count: usize) -> f64 {
         let (height, width, _) = picture.dim();
         let step = spread_step(width, height, count);
@@ -75,7 +77,8 @@ impl ExactField<'_> {
             .reduce(|| 0.0, f64::max)
     }
 
-    /// Light at a point (world mm) in each channel: ambient light, and that of the scene's lights times a factor.
+    /// Returns the light at a point (world mm) in each channel: ambient light, and the attenuated light of each light
+    /// source times `factor`.
     fn lit(&self, scene: &Scene, x: DVec3, factor: impl Fn(&Light) -> f64) -> [f64; 3] {
         let mut lit = [scene.ambient; 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
@@ -88,7 +91,7 @@ impl ExactField<'_> {
         lit
     }
 
-    /// Linear RGB and opacity through the centre of one pixel.
+    /// Returns linear RGB and opacity along the exact ray through the centre of one pixel.
     fn pixel(&self, scene: &Scene, column: f64, row: f64, rule: Rule) -> [f64; 4] {
         let eye = scene.camera.eye;
         let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
@@ -113,8 +116,8 @@ impl ExactField<'_> {
         [r, g, b, if surface.is_some() { 1.0 } else { opacity }]
     }
 
-    /// Linear RGB of a mesh where a ray from the eye meets it: its colour in ambient light, and in the light of each source by
-    /// Lambert's law on the visible side.
+    /// Returns the linear RGB of the mesh at the point where a camera ray hits it. The mesh shows its colour in
+    /// ambient light, and in the light of each source by Lambert's law on the visible side.
     fn surface_color(&self, scene: &Scene, eye: DVec3, direction: DVec3, hit: Hit) -> [f64; 3] {
         let Some(mesh) = &scene.mesh else { return scene.background };
         let x = eye + direction * hit.depth_mm;
@@ -125,7 +128,8 @@ impl ExactField<'_> {
         std::array::from_fn(|c| color[c] * lit[c])
     }
 
-    /// Transmittance from a light to a point (world mm), through the volume and past the mesh.
+    /// Returns the exact transmittance from a light to a point (world mm), through the volume; 0 if the mesh hides
+    /// the light.
     fn transmittance_past_mesh(&self, scene: &Scene, x: DVec3, light: &Light) -> f64 {
         let (toward, distance_mm) = light.from_point(x);
         // Nearer hits belong to the surface that the point lies on.
@@ -135,12 +139,13 @@ impl ExactField<'_> {
     }
 }
 
-/// First hit of a ray from the eye (world mm) with the scene's mesh.
+/// Returns the first hit of a ray from the eye (world mm) with the scene's mesh.
 pub(super) fn first_surface(scene: &Scene, eye: DVec3, direction: DVec3) -> Option<Hit> {
     scene.mesh.as_ref()?.first_hit(eye, direction, [0.0, f64::INFINITY])
 }
 
-/// Distance of evenly spread pixels: coprime to the width, so that they do not stay in a few columns.
+/// Returns the step between evenly spread pixels. It is coprime to the width, so that the pixels do not stay in a few
+/// columns.
 fn spread_step(width: usize, height: usize, count: usize) -> usize {
     fn gcd(a: usize, b: usize) -> usize {
         if b == 0 { a } else { gcd(b, a % b) }
@@ -149,7 +154,7 @@ fn spread_step(width: usize, height: usize, count: usize) -> usize {
     (least..).find(|step| gcd(*step, width.max(1)) == 1).unwrap_or(least)
 }
 
-/// Part of the interval with its integral and error estimate.
+/// Panel of the adaptive quadrature: a part of the integration interval, with its integral and error estimate.
 struct Panel {
     from: f64,
     to: f64,
@@ -178,7 +183,8 @@ impl Panel {
     }
 }
 
-/// Integral of `f` over `[0, end]`. The worst panel is bisected until the sum of the errors is below the tolerance.
+/// Returns the integral of `f` over `[0, end]` by adaptive quadrature. The panel with the largest error is bisected
+/// until the sum of the errors is below the tolerance.
 fn integrate(f: impl Fn(f64) -> [f64; 3], end: f64, rule: Rule) -> [f64; 3] {
     let at = |i: usize| end * i as f64 / rule.first_panels as f64;
     let mut panels: Vec<_> = (0..rule.first_panels).map(|i| Panel::new(&f, at(i), at(i + 1))).collect();

@@ -1,11 +1,11 @@
-//! Shading factor `f` of the model, in float64.
+//! Exact shading factor `f` of the shading model, in float64.
 //!
 //! The gradient is the central difference of the trilinear value over one voxel along each index axis, half a voxel
-//! to either side, clamped at the edge like the value, and transformed to world by the inverse transpose of the affine. The
-//! derivative itself jumps at every cell face, and no renderer shades by it.
+//! to either side. It is clamped at the edge like the value, and transformed to world by the inverse transpose of the
+//! affine. The derivative itself jumps at every cell face, and no renderer shades by it.
 //!
-//! Strands are shaded by their directions (Kajiya and Kay 1989, *Rendering fur with three dimensional textures*: the diffuse
-//! and the specular component of a thin cylinder).
+//! Strands are shaded by their directions (Kajiya and Kay 1989, *Rendering fur with three dimensional textures*: the
+//! diffuse and the specular component of a thin cylinder).
 
 use super::{ExactField, contiguous};
 use crate::scene::{Light, Shading};
@@ -13,12 +13,12 @@ use crate::volume::Voxel;
 use crate::with_voxels;
 use glam::{DMat3, DVec3};
 
-/// Strength and exponent of the highlight of `blinn-phong` and `kajiya-kay`.
+/// Strength and exponent of the specular highlight of `blinn-phong` and `kajiya-kay` shading.
 const HIGHLIGHT: f64 = 0.3;
 const GLOSS: i32 = 32;
 
 impl ExactField<'_> {
-    /// Gradient of the value at `x` (world mm), per mm, by differences over one voxel.
+    /// Returns the gradient of the volume's value at `x` (world mm), per mm, by central differences over one voxel.
     pub fn gradient(&self, x: DVec3) -> DVec3 {
         let to_index = self.volume.index_from_world();
         let p = to_index.transform_point3(x);
@@ -32,9 +32,9 @@ impl ExactField<'_> {
         to_index.matrix3.transpose() * (DVec3::from_array(along) * scaling.slope)
     }
 
-    /// Factor on the light that reaches `x` (world mm), for the unit view direction `sight` from the eye. It is 1 without shading,
-    /// where the value is flat, and where no direction of strands is known. Both sides are lit; shadows decide which one light
-    /// reaches.
+    /// Returns the shading factor on the light that reaches the point `x` (world mm), for the unit view direction
+    /// `sight` from the eye. It is 1 without shading, where the value is flat, and where no direction of strands is
+    /// known. Both sides are lit; shadows decide which one light reaches.
     pub fn shading_factor(&self, x: DVec3, sight: DVec3, light: &Light, shading: Shading) -> f64 {
         if shading == Shading::None {
             return 1.0;
@@ -62,20 +62,22 @@ impl ExactField<'_> {
     }
 }
 
-/// Kajiya and Kay's factor for strands of which `mean` is the mean of `u u^T`, under light from the unit `l`, seen from the
-/// unit `e`, both away from the strand: the sine of the angle between strand and light, and a highlight about the cone of
-/// mirror directions, where the cosines with `l` and `e` are each other's negatives.
+/// Returns Kajiya and Kay's shading factor of strands with the mean `mean` of `u u^T` over their directions `u`. The
+/// unit vectors `l` and `e` point to the light and to the eye. The factor is the sine of the angle between strand and
+/// light, and a highlight about the cone of mirror directions, where the cosines with `l` and `e` are each other's
+/// negatives.
 ///
-/// For one direction this is their formula. For several the sines are root mean squares and the product of cosines is a mean, our
-/// extension; by the Cauchy-Schwarz inequality the highlight is still at most 1.
+/// For a single direction this is the formula of Kajiya and Kay. For several directions the sines are root mean
+/// squares and the product of cosines is a mean, which is our extension. By the Cauchy-Schwarz inequality the
+/// highlight is still at most 1.
 fn strand_factor(mean: &DMat3, l: DVec3, e: DVec3) -> f64 {
     let sine = |v: DVec3| (1.0 - v.dot(*mean * v)).max(0.0).sqrt();
     let mirror = sine(l) * sine(e) - l.dot(*mean * e);
     sine(l) + HIGHLIGHT * mirror.max(0.0).powi(GLOSS)
 }
 
-/// Stored value at an index position: trilinear, clamped at the edge. It uses differences, so that it is exactly constant
-/// where the voxels are.
+/// Returns the stored voxel value at an index position by trilinear interpolation, clamped at the edge. It
+/// interpolates with differences, so that equal voxels give exactly their value.
 fn stored_at<V: Voxel>(voxels: &[V], dims: [usize; 3], at: DVec3) -> f64 {
     let along = |axis: usize| {
         let last = dims[axis] - 1;

@@ -1,4 +1,5 @@
-//! Traversal of a ray cell by cell. The cubic of each cell is cut where the value passes from one law to the next.
+//! Traversal of a ray through the volume cell by cell. The cubic of each cell is cut where the value passes from one
+//! interval of the transfer function to the next.
 
 use super::blocks::{Blocks, Labelled, block_of, cells_of};
 use super::cubic::Cubic;
@@ -7,18 +8,19 @@ use crate::volume::{Scaling, Voxel};
 use glam::DVec3;
 use std::ops::ControlFlow;
 
-/// Ray in index space, clipped to the domain `[-0.5, n - 0.5]^3`; its parameter is the distance in mm.
+/// Ray in index space, clipped to the volume's domain `[-0.5, n - 0.5]^3`; its parameter is the distance in mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ray {
     origin: [f64; 3],
-    /// Index units per mm.
+    /// Direction of the ray in index units per mm.
     direction: [f64; 3],
     pub enter_mm: f64,
     pub exit_mm: f64,
 }
 
 impl Ray {
-    /// Clips a ray to the domain and to `[from_mm, to_mm]`. `None` where nothing is left, or its numbers are not finite.
+    /// Clips a ray to the volume's domain and to the distances `[from_mm, to_mm]`. Returns `None` if nothing is left
+    /// or a number is not finite.
     pub fn clipped(
         origin: DVec3,
         direction: DVec3,
@@ -48,20 +50,20 @@ impl Ray {
     }
 }
 
-/// Part of a ray on which extinction is smooth: one cell, one law.
+/// Piece of a ray on which extinction is smooth: within one cell and one interval of the transfer function.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayPiece {
     pub start_mm: f64,
     pub end_mm: f64,
-    /// Index of the transfer function.
+    /// Index of the transfer function that applies to the piece of the ray.
     pub function: usize,
-    /// Index into [`Laws::laws`] of that function; never a clear law.
+    /// Index of the extinction formula in [`Laws::laws`] of the piece's transfer function; never [`Law::Clear`].
     pub law: usize,
-    /// Value over `[0, 1]` from start to end.
+    /// Volume value along the piece of the ray, as a cubic over `[0, 1]` from start to end.
     pub value: Cubic,
 }
 
-/// Voxels with their labels and the blocks to skip.
+/// Voxels of a volume with their labels, and the blocks of cells that rays may skip.
 #[derive(Clone, Copy)]
 pub(super) struct VoxelGrid<'a, V> {
     pub voxels: &'a [V],
@@ -72,7 +74,7 @@ pub(super) struct VoxelGrid<'a, V> {
 }
 
 impl<V: Voxel> VoxelGrid<'_, V> {
-    /// Calls `visit` with every piece that has extinction, in order along the ray, until it breaks.
+    /// Calls `visit` with every piece of the ray that has extinction, in order, until `visit` returns `Break`.
     #[inline]
     pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(RayPiece) -> ControlFlow<()>) {
         let mut cell = CellTraversal::new(ray, self.dims);
@@ -104,7 +106,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         }
     }
 
-    /// Visits the pieces of a cell, which is split halfway between voxels of different labels.
+    /// Calls `visit` with the ray pieces of a cell that is split halfway between voxels of different labels.
     fn visit_labelled(
         &self,
         cell: &CellTraversal<'_>,
@@ -128,7 +130,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         ControlFlow::Continue(())
     }
 
-    /// Visits the pieces of one function in a cell.
+    /// Calls `visit` with the ray pieces of a cell to which a single transfer function applies.
     #[inline]
     fn visit(
         &self,
@@ -148,7 +150,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         cut((function, laws), [first, last], value, [start_mm, end_mm], visit)
     }
 
-    /// Range of the scaled values at a cell's corners.
+    /// Returns the smallest and largest scaled value at the corners of a cell.
     #[inline]
     fn range(&self, corner: &[V; 8]) -> (f64, f64) {
         let (mut min, mut max) = (corner[0], corner[0]);
@@ -161,20 +163,20 @@ impl<V: Voxel> VoxelGrid<'_, V> {
     }
 }
 
-/// State of a traversal. Cell `c` on an axis lies between the voxel centres `c` and `c + 1`, from -1 (before
-/// the first centre) to `n - 1` (beyond the last).
+/// State of the traversal of a ray through cells. Cell `c` on an axis lies between the voxel centres `c` and `c + 1`,
+/// from -1 (before the first centre) to `n - 1` (beyond the last).
 struct CellTraversal<'r> {
     ray: &'r Ray,
     dims: [i64; 3],
     cell: [i64; 3],
-    /// Distance at which the ray leaves the cell through each axis' face, mm.
+    /// Distance at which the ray leaves the current cell through the face of each axis, mm.
     next_mm: [f64; 3],
     at_mm: f64,
     axis: usize,
     stride: [i64; 3],
     offset: [[usize; 2]; 3],
     block: [i64; 3],
-    /// Whether another block has been entered.
+    /// Whether the ray has entered another block of cells.
     entered_block: bool,
 }
 
@@ -195,7 +197,7 @@ impl<'r> CellTraversal<'r> {
         };
         for (axis, n) in dims.into_iter().enumerate() {
             let p = ray.origin[axis] + ray.direction[axis] * ray.enter_mm;
-            // A ray that descends from a face is in the cell below it.
+            // A ray that starts on a face with negative direction is in the cell below the face.
             let cell = if ray.direction[axis] < 0.0 { p.ceil() - 1.0 } else { p.floor() };
             traversal.set(axis, (cell as i64).clamp(-1, n - 1));
         }
@@ -212,12 +214,12 @@ impl<'r> CellTraversal<'r> {
         self.entered_block |= block != self.block[axis];
         self.block[axis] = block;
         if d != 0.0 {
-            // Computed from the origin, so that no error accumulates.
+            // Computed from the ray's origin, so that rounding errors do not accumulate.
             self.next_mm[axis] = ((cell + i64::from(d > 0.0)) as f64 - self.ray.origin[axis]) / d;
         }
     }
 
-    /// Interval of the ray in this cell; empty where it passes through an edge or a corner.
+    /// Returns the interval of the ray in the current cell; empty where the ray passes through an edge or a corner.
     #[inline]
     fn advance(&mut self) -> (f64, f64) {
         let [x, y, z] = self.next_mm;
@@ -233,7 +235,7 @@ impl<'r> CellTraversal<'r> {
         (start, self.at_mm)
     }
 
-    /// Moves to the next cell; false at the end of the ray.
+    /// Moves to the next cell along the ray; returns false at the end of the ray.
     #[inline]
     fn step(&mut self) -> bool {
         let axis = self.axis;
@@ -245,7 +247,7 @@ impl<'r> CellTraversal<'r> {
         true
     }
 
-    /// Moves to the first cell behind the block; false at the end of the ray.
+    /// Moves along the ray to the first cell behind the current block; returns false at the end of the ray.
     fn leap(&mut self) -> bool {
         let (mut exit_mm, mut exit_axis) = (f64::INFINITY, 0);
         for axis in 0..3 {
@@ -270,7 +272,7 @@ impl<'r> CellTraversal<'r> {
             let cell = if axis == exit_axis {
                 if d > 0.0 { last + 1 } else { first - 1 }
             } else {
-                // Never backwards, and never out of the block by rounding alone.
+                // Rounding must not move the cell backwards or out of the block.
                 let [low, high] = if d > 0.0 { [self.cell[axis], last] } else { [first, self.cell[axis]] };
                 ((self.ray.origin[axis] + d * self.at_mm).floor() as i64).clamp(low, high)
             };
@@ -283,8 +285,8 @@ impl<'r> CellTraversal<'r> {
         true
     }
 
-    /// Distances at which the ray is halfway between the cell's two voxels on each axis, ascending. Some lie outside of the cell;
-    /// they are infinite on axes along which the ray does not move.
+    /// Returns the distances at which the ray is halfway between the cell's two voxels on each axis, ascending. Some
+    /// lie outside of the cell; they are infinite on axes along which the ray does not move.
     fn middles(&self) -> [f64; 3] {
         let mut middles: [f64; 3] = std::array::from_fn(|axis| {
             let d = self.ray.direction[axis];
@@ -294,7 +296,7 @@ impl<'r> CellTraversal<'r> {
         middles
     }
 
-    /// Index of the cell's voxel that is nearest to a point of the ray.
+    /// Returns the index of the cell's voxel that is nearest to a point of the ray.
     fn nearest(&self, t: f64) -> usize {
         let side = |axis: usize| {
             let p = self.ray.origin[axis] + self.ray.direction[axis] * t - self.cell[axis] as f64;
@@ -303,7 +305,8 @@ impl<'r> CellTraversal<'r> {
         side(0) + side(1) + side(2)
     }
 
-    /// Trilinear value from `start` to `end` as a cubic over `[0, 1]`; `corner[x + 2 y + 4 z]`.
+    /// Returns the trilinear value of a cell along the ray from `start` to `end`, as a cubic over `[0, 1]`. The
+    /// values at the corners are `corner[x + 2 y + 4 z]`.
     ///
     /// Only differences of corners are scaled, so that a constant cell gives exactly its value.
     #[inline]
@@ -331,10 +334,11 @@ impl<'r> CellTraversal<'r> {
     }
 }
 
-/// Cuts a cell's cubic where the value passes from one law to another, and visits the pieces with extinction.
+/// Cuts the cubic of a cell where the value passes from one interval of the transfer function to another, and visits
+/// the pieces with extinction.
 ///
-/// `lowest` and `highest` are the intervals of the cell's extreme corners. They bound the value against
-/// rounding where it leaves a plateau.
+/// `lowest` and `highest` are the transfer function intervals of the smallest and largest value at the corners of the
+/// cell. They bound the value against rounding where it leaves a plateau.
 fn cut(
     (function, laws): (usize, &Laws),
     [lowest, highest]: [usize; 2],

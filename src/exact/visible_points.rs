@@ -1,4 +1,4 @@
-//! Points that the camera sees, distributed by their contribution to the picture.
+//! Points of the volume that the camera sees, distributed by their contribution to the picture.
 
 use super::ExactField;
 use super::picture::first_surface;
@@ -10,17 +10,19 @@ use std::ops::Range;
 /// Point of the volume that the camera sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VisiblePoint {
-    /// World mm.
+    /// Position of the visible point, world mm.
     pub position: DVec3,
-    /// Weight of the point: the opacity of its pixel, in `(0, 1]`.
+    /// Weight of the visible point in statistics: the opacity of its pixel, in `(0, 1]`.
     pub weight: f64,
 }
 
-/// Limit on the candidates for each requested point; more are needed only where the camera sees next to nothing.
+/// Largest number of candidate pixels tried for each requested visible point. More are needed only where the camera
+/// sees next to nothing.
 const MOST_CANDIDATES_PER_POINT: usize = 64;
 
 impl ExactField<'_> {
-    /// Samples `n` visible points, or fewer where the camera sees hardly any; the same for the same `seed`.
+    /// Samples `n` points of the volume that the camera sees, or fewer where it sees hardly any. The same `seed`
+    /// gives the same points.
     ///
     /// Pixels are drawn uniformly over the picture of `scene.width` x `scene.height`, depths along a pixel's ray
     /// with density `T_eye sigma / opacity`, both from one shifted low-discrepancy sequence in three dimensions.
@@ -45,8 +47,8 @@ impl ExactField<'_> {
         points
     }
 
-    /// Median visible point of each pixel of some rows, row by row: half of the pixel's opacity lies in front of it. `None` for
-    /// pixels without opacity.
+    /// Returns the median visible point of each pixel in the given rows, row by row: half of the pixel's opacity lies
+    /// in front of it. It is `None` for pixels without opacity.
     pub fn visible_points_of_pixels(&self, scene: &Scene, rows: Range<u32>) -> Vec<Option<VisiblePoint>> {
         let width = u64::from(scene.width);
         let pixels = (u64::from(rows.start) * width..u64::from(rows.end) * width).into_par_iter();
@@ -66,8 +68,8 @@ impl ExactField<'_> {
         self.visible_point_along(eye, direction, length_mm, quantile)
     }
 
-    /// Point along a ray from the eye (world mm, unit direction, possibly infinite length) with this quantile of the ray's
-    /// opacity in front of it; `None` where there is no opacity.
+    /// Returns the point along a ray from the eye (world mm, unit direction, possibly infinite length) with the
+    /// fraction `quantile` of the ray's opacity in front of it. Returns `None` if the ray has no opacity.
     pub fn visible_point_along(
         &self,
         eye: DVec3,
@@ -80,14 +82,15 @@ impl ExactField<'_> {
         if opacity <= 0.0 {
             return None;
         }
-        // At least half a step of f64 inside.
+        // The point lies at least half an f64 step inside the matter.
         let tau = -(-quantile.max(0.5 * f64::EPSILON) * opacity).ln_1p();
         let depth_mm = curve.depth_of_optical_depth(tau.min(curve.total()))?;
         Some(VisiblePoint { position: eye + direction * depth_mm, weight: opacity })
     }
 }
 
-/// Point `index` of the additive recurrence whose steps are powers of the root of `x^4 = x + 1`.
+/// Returns point `index` of a three-dimensional low-discrepancy sequence: an additive recurrence whose steps are
+/// powers of the root of `x^4 = x + 1`.
 fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
     const ROOT: f64 = 1.220_744_084_605_759_5;
     let mut step = 1.0;
@@ -97,7 +100,7 @@ fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Number in `[0, 1)` from a seed (the finaliser of SplitMix64).
+/// Returns a pseudo-random number in `[0, 1)` from a seed (the finaliser of SplitMix64).
 fn unit_hash(seed: u64) -> f64 {
     let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

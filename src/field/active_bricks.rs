@@ -1,5 +1,5 @@
-//! Bricks with extinction under a transfer function, and the distance of every brick to the nearest of them: rays skip the
-//! others without loss.
+//! Active bricks: blocks of voxel cells with nonzero extinction under a transfer function. The distance of every
+//! brick to the nearest active one lets rays skip empty space without loss.
 
 use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
@@ -7,23 +7,23 @@ use glam::{DAffine3, DVec3, IVec3, USizeVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Active bricks: those with extinction under a transfer function, and distances to them.
+/// Active bricks (blocks of voxel cells with extinction under a transfer function), and the distances to them.
 #[derive(Debug, Clone)]
 pub struct ActiveBricks {
-    /// Bricks along each axis.
+    /// Number of bricks along each axis of the volume.
     pub counts: [usize; 3],
-    /// Chebyshev distance in bricks to the nearest active brick, x fastest: 0 is active, 255 is 255 or more.
+    /// Chebyshev distance of each brick to the nearest active brick (with extinction), in bricks, x fastest. An
+    /// active brick has 0; 255 means 255 or more.
     pub distance: Vec<u8>,
-    /// Number of active bricks.
+    /// Number of active bricks: those with extinction under the transfer function.
     pub active: usize,
-    /// First and last brick (inclusive) of the bounding box of active bricks.
+    /// First and last brick (inclusive) of the bounding box of all active bricks; `None` if no brick is active.
     pub bounds: Option<[[usize; 3]; 2]>,
-    /// See [`Self::outer`].
     outer: OnceLock<Vec<IVec3>>,
 }
 
-/// Values with extinction, as disjoint closed intervals in rising order; the outer ends may be infinite. They include the
-/// value of every point with extinction, also at a jump.
+/// Returns the intervals of voxel values to which a transfer function gives extinction. They are closed, disjoint and
+/// in rising order, and include both sides of a jump; the outer ends may be infinite.
 pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     let points = &tf.points;
     let mut intervals: Vec<[f64; 2]> = Vec::new();
@@ -40,7 +40,7 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
             add(a.value, a.value);
         }
         if let Some(b) = points.get(i + 1).filter(|b| a.amount > 0.0 || b.amount > 0.0) {
-            // Open: an end with extinction is added by its own point.
+            // Open interval: a point with extinction adds its own value.
             add(a.value.next_up(), b.value.next_down());
         }
     }
@@ -50,10 +50,11 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     intervals
 }
 
-/// Distance beyond a clip plane, in bricks, at which a brick counts as clipped: more than the float32 error of planes.
+/// Distance in bricks by which a brick must lie beyond a clip plane to count as clipped. It exceeds the float32 error
+/// of clip planes.
 const CLIP_MARGIN: f64 = 0.01;
 
-/// Clip planes as normals and offsets in brick coordinates, in which a brick is a unit cube.
+/// Returns the clip planes as normals and offsets in brick coordinates, in which each brick is a unit cube.
 fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64)> {
     // Cell c begins at index c - 1.
     let world_from_bricks = bricks.world_from_index
@@ -62,7 +63,7 @@ fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64
     tf.clip.iter().map(|plane| plane.in_coordinates(world_from_bricks)).collect()
 }
 
-/// Whether a plane clips all of a brick.
+/// Whether a clip plane removes a whole brick.
 fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) -> bool {
     let low = DVec3::new((brick % nx) as f64, (brick / nx % ny) as f64, (brick / (nx * ny)) as f64);
     planes.iter().any(|&(normal, offset)| {
@@ -72,8 +73,8 @@ fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) ->
     })
 }
 
-/// For each function of `tf`, the labels that use it and its values with extinction. Gaps between these values shrink by
-/// `blur` on both sides.
+/// Returns, for each transfer function that labels select, the labels that use it and its intervals of values with
+/// extinction. Gaps between these intervals shrink by `blur` on both sides.
 fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec<(RankSet, Vec<[f64; 2]>)> {
     let is_one_of_several = bricks.labels.is_some() && !tf.rules.is_empty();
     let blurred = |tf: &TransferFunction| {
@@ -103,13 +104,14 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
 }
 
 impl ActiveBricks {
-    /// Finds the bricks whose range of values has extinction.
+    /// Finds the active bricks: those whose range of voxel values has extinction under a transfer function.
     pub fn of(bricks: &Bricks, tf: &TransferFunction) -> Self {
         Self::blurred(bricks, tf, 0.0)
     }
 
-    /// Finds the active bricks for tables that blur the function by `blur` value units: gaps between values with extinction
-    /// shrink by `blur` on both sides. The tables do not blur beyond the first and the last such value.
+    /// Finds the active bricks where tables blur the transfer function by `blur`, in units of the volume's values.
+    /// Gaps between intervals of values with extinction shrink by `blur` on both sides; the outer ends of all
+    /// intervals stay.
     pub fn blurred(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Self {
         let classes = intervals_of_labels(bricks, tf, blur);
         let planes = planes_over_bricks(bricks, tf);
@@ -130,7 +132,8 @@ impl ActiveBricks {
         Self::from_seeds(bricks.counts, distance)
     }
 
-    /// Computes distances from 0 for active and 255 for other bricks.
+    /// Computes the distances of all bricks to the nearest active one (brick with extinction). `distance` holds 0 for
+    /// active bricks and 255 for others.
     fn from_seeds(counts: [usize; 3], mut distance: Vec<u8>) -> Self {
         let (active, bounds) = count_and_bounds(counts, &distance);
         // With no or only active bricks, these are the distances.
@@ -140,14 +143,16 @@ impl ActiveBricks {
         Self { counts, distance, active, bounds, outer: OnceLock::new() }
     }
 
-    /// Distance of a brick; `None` outside the grid of bricks.
+    /// Returns the distance of a brick to the nearest active one (brick with extinction), in bricks; `None` outside
+    /// the volume.
     pub fn distance_at(&self, brick: IVec3) -> Option<u8> {
         let counts = IVec3::from_array(self.counts.map(|n| n as i32));
         let there = brick.cmpge(IVec3::ZERO).all() && brick.cmplt(counts).all();
         there.then(|| self.distance[((brick.z * counts.y + brick.y) * counts.x + brick.x) as usize])
     }
 
-    /// Active bricks with an inactive brick or the grid's border at a face: the surface of all active bricks.
+    /// Returns the bricks with extinction on the surface: those with a face at a brick without extinction or at the
+    /// border of the volume.
     pub fn outer(&self) -> &[IVec3] {
         self.outer.get_or_init(|| {
             let [nx, ny, nz] = self.counts;
@@ -168,8 +173,8 @@ impl ActiveBricks {
         })
     }
 
-    /// Bounding box of the active bricks in index coordinates of a grid of `dims` voxels, cut to the domain
-    /// `[-0.5, n - 0.5]`.
+    /// Returns the bounding box of the active bricks (those with extinction) in voxel index coordinates. It is
+    /// clipped to the domain `[-0.5, n - 0.5]` of a volume of `dims` voxels.
     pub fn index_box(&self, dims: [usize; 3]) -> Option<[DVec3; 2]> {
         let [first, last] = self.bounds?;
         // Grid space is index space plus one.
@@ -177,7 +182,8 @@ impl ActiveBricks {
     }
 }
 
-/// Box of the bricks from `first` to `last` in grid space, cut to the domain `[0.5, n + 0.5]`.
+/// Returns the box around the bricks from `first` to `last` in grid space (voxel index + 1), clipped to the volume's
+/// domain `[0.5, n + 0.5]`.
 pub(super) fn brick_box(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> [DVec3; 2] {
     let low = first.map(|b| ((BRICK_CELLS * b) as f64).max(0.5));
     let high = std::array::from_fn(|a| ((BRICK_CELLS * (last[a] + 1)) as f64).min(dims[a] as f64 + 0.5));
@@ -199,10 +205,11 @@ fn count_and_bounds([nx, ny, _]: [usize; 3], distance: &[u8]) -> (usize, Option<
     (active, (active > 0).then(|| [first, last].map(|at| at.to_array())))
 }
 
-/// Chebyshev distance transform in place, from 0 for seeds and 255 elsewhere; exact up to 255.
+/// Computes a Chebyshev distance transform of the bricks in place. Active bricks start with 0 and all others with
+/// 255; distances are exact up to 255.
 ///
-/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): the distance of a brick is one more than the least
-/// of its 26 neighbours, and each sweep visits half of them before the brick.
+/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): the distance of a brick is one more than the
+/// least of its 26 neighbours, and each sweep visits half of them before the brick.
 fn chebyshev([nx, ny, nz]: [usize; 3], distance: &mut [u8]) {
     let rows = ny * nz;
     // Least distance of neighbouring rows, with one more brick at both ends.

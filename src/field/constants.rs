@@ -1,14 +1,14 @@
-//! Constants that this module shares with its shaders.
+//! Constants of the scalar field (volume and shadow-map tiles) that the host shares with WGSL shaders.
 
-/// Stand-in for infinity on the device.
+/// Finite stand-in for infinity in shaders.
 pub const FAR: f32 = 1e30;
-/// Shift of hidden values: far beyond all values, and less than [`FAR`].
+/// Offset that shaders add to the values of hidden voxels: far beyond all real values, and less than [`FAR`].
 pub const HIDDEN_SHIFT: f32 = 1e29;
-/// Texels per side of a tile (Hadwiger et al. 2006, 3.4).
+/// Number of texels per side of a shadow-map tile (Hadwiger et al. 2006, 3.4).
 pub const TILE: u32 = 16;
-/// Texels of a tile, and so its records.
+/// Number of texels in a shadow-map tile. Each texel has one record (its stored data).
 pub const TILE_TEXELS: u32 = TILE * TILE;
-/// Entry of the tile table for a skipped tile.
+/// Entry of a shadow map's tile table for a tile that is skipped.
 pub const NO_TILE: u32 = u32::MAX;
-/// Threads per workgroup of passes over a list.
+/// Number of threads per workgroup in compute passes over a list of items.
 pub const LINE_THREADS: u32 = 64;

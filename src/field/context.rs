@@ -1,4 +1,4 @@
-//! Inputs of a shadow structure's build: a volume under a light on a device.
+//! Inputs for building a shadow map: a volume, its transfer function and a light on a graphics device.
 
 use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
 use crate::error::{Error, Result};
@@ -8,34 +8,36 @@ use crate::scene::Light;
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
 
-/// A volume under a light on a device.
+/// Inputs for building the shadow map of one light: the volume, its transfer function, and the pipelines of the
+/// device.
 #[derive(Clone, Copy)]
 pub struct BuildContext<'a> {
-    /// The device's pipelines.
+    /// Compute pipelines of the graphics device.
     pub kernels: &'a Kernels,
-    /// Number of tiles per submission while a shadow map is built.
+    /// Pace of building a shadow map: it sets the number of tiles per submission to the device.
     pub pace: &'a TilePace,
-    /// Pool sizes that earlier builds on the volume needed.
+    /// Sizes of the memory pool for curve nodes that earlier builds of deep shadow maps needed for this volume.
     pub pool_sizes: &'a PoolSizes,
-    /// The volume that casts shadows.
+    /// Volume that casts the shadows.
     pub volume: &'a Volume,
-    /// Transfer function on the device.
+    /// Transfer function on the graphics device, with its tables and active bricks.
     pub transfer: &'a DeviceTransfer,
-    /// Strands that the volume was made from.
+    /// Strands (hair or fibres) from which the volume was voxelised; `None` for other volumes.
     pub strands: Option<&'a VoxelisedStrands>,
-    /// The light.
+    /// Light whose shadow map is built.
     pub light: Light,
-    /// The picture's view, where the shadows are for a picture.
+    /// Camera view in which the shadow map is needed; `None`: at all points.
     pub view: Option<&'a View>,
 }
 
 impl BuildContext<'_> {
-    /// The device.
+    /// Returns the graphics device on which the shadow map is built.
     pub fn gpu(&self) -> &Gpu {
         self.kernels.gpu()
     }
 
-    /// Projection of a map, fitted to the active bricks or to the visible ones.
+    /// Returns the projection of a shadow map, fitted to the active bricks (those with extinction) or to the visible
+    /// ones.
     pub fn light_space(&self, shape: MapShape) -> LightSpace {
         let active = &self.transfer.active;
         let mut space = LightSpace::fit(self.volume, active, self.light, shape, self.view);
@@ -46,10 +48,11 @@ impl BuildContext<'_> {
         space
     }
 
-    /// Strands that can be drawn into a map.
+    /// Returns the strands that can be drawn directly into a shadow map, without voxels.
     ///
     /// # Errors
-    /// The volume was not made from strands, a strand is wider than a voxel, or the transfer function changes their extinction.
+    /// The volume was not made from strands, a strand is wider than a voxel, or the transfer function changes their
+    /// extinction.
     pub fn drawn_strands(&self) -> Result<&Strands> {
         let refused = |why: &str| Error::input("cannot draw strands into the map", "from=lines", why);
         let source = &self.volume.provenance.source;
@@ -72,12 +75,13 @@ impl BuildContext<'_> {
         }
     }
 
-    /// Uniform of a light space, binding 0 of group 1.
+    /// Creates the uniform buffer of a shadow map's projection, for binding 0 of bind group 1.
     pub fn light_uniform(&self, light_space: &LightSpace) -> wgpu::Buffer {
         uniform_buffer(self.gpu(), "light space", &light_space.uniform())
     }
 
-    /// Runs a pass that reads the field; `shadow` and `stage` are its groups 1 and 2.
+    /// Runs a compute pass whose shader reads the volume and its transfer function. `shadow` and `stage` are bind
+    /// groups 1 and 2 of the shader.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -92,8 +96,8 @@ impl BuildContext<'_> {
         self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
     }
 
-    /// Runs a pass with one workgroup per entry of a list of words, in batches: binding 0 of group 2 is the batch's part of
-    /// the list, the other bindings are `stage`.
+    /// Runs a compute pass in batches, with one workgroup per entry of a work list. Binding 0 of bind group 2 is the
+    /// batch's part of the list; `stage` holds the other bindings of that group.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -114,7 +118,8 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Runs a pass once per step, each with its own group 2 and size, in batches: a step sees what earlier steps stored.
+    /// Runs a compute pass once per step, in batches of steps. Each step has its own bind group 2 and dispatch size,
+    /// and reads what earlier steps stored.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -133,7 +138,8 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Waits for the queue where submissions are timed: the work of other threads must not count as this build's.
+    /// Waits until the device is idle if submissions are timed, so that work of other threads does not count as build
+    /// time.
     fn wait_until_idle(&self) {
         if self.pace.is_limited() {
             // A lost device is reported by the pass itself.

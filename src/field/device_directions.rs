@@ -1,36 +1,37 @@
-//! Directions of strands on the device: second moments as half floats, which every adapter filters.
+//! Strand directions on the graphics device: second moments as half floats, a format that every adapter can filter.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Slot, VolumeTexture, clamp_sampler};
 use crate::volume::DirectionMoments;
 use half::f16;
 
-/// Size of a voxel in bytes: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
+/// Bytes per voxel for the second moments of strand directions: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
 const VOXEL_BYTES: usize = 12;
 
-/// Exponent of the largest trace after scaling, which lies in `2^13` to `2^14`. Smaller moments keep all digits down to
-/// `2^-14`, and sums of filtered texels stay in the range of a half float.
+/// Binary exponent of the largest trace of a scaled second-moment tensor, which lies in `2^13` to `2^14`. Smaller
+/// moments keep all digits down to `2^-14`, and sums of filtered texels stay in the range of a half float.
 const LARGEST_EXPONENT: f64 = 13.0;
 
-/// Second moments of directions on the device, scaled by a power of 2: only their ratios matter.
+/// Second moments of strand directions in each voxel, as textures on the device. They are scaled by a power of 2,
+/// since only their ratios matter.
 pub struct DeviceDirections {
     moments: VolumeTexture,
     more_moments: VolumeTexture,
     sampler: wgpu::Sampler,
-    /// Bytes of the textures.
+    /// Bytes of the textures that hold the strand directions.
     pub bytes: u64,
 }
 
 impl DeviceDirections {
-    /// Bytes of the directions in a volume of `dims` voxels.
+    /// Returns the bytes that strand directions take on the device for a volume of `dims` voxels.
     pub fn bytes_of(dims: [usize; 3]) -> u64 {
         dims.iter().product::<usize>() as u64 * VOXEL_BYTES as u64
     }
 
-    /// Uploads directions; `source` names the volume in messages.
+    /// Uploads the second moments of strand directions as textures; `source` names the volume in error messages.
     ///
     /// # Errors
-    /// The grid is larger than the adapter's 3-D textures, or the device is out of memory.
+    /// The volume is larger than the adapter's 3-D textures, or the device is out of memory.
     pub fn upload(gpu: &Gpu, directions: &DirectionMoments, source: &str) -> Result<Self> {
         let dims = directions.dims();
         let sides = dims.map(|n| n as u32);
@@ -61,13 +62,14 @@ impl DeviceDirections {
         Ok(Self { moments, more_moments, sampler: clamp_sampler(gpu, wgpu::FilterMode::Linear), bytes })
     }
 
-    /// Slots of `shaders/render/strand.wgsl`, in the order of their bindings.
+    /// Returns the bindings of the strand-direction textures and their sampler, in the order of
+    /// `shaders/render/strand.wgsl`.
     pub fn slots(&self) -> [Slot<'_>; 3] {
         [self.moments.slot(true), self.more_moments.slot(true), Slot::sampler(&self.sampler, true)]
     }
 }
 
-/// Power of 2 that brings the largest trace to [`LARGEST_EXPONENT`].
+/// Returns the power of 2 that scales the largest trace of a second-moment tensor to [`LARGEST_EXPONENT`].
 fn scale(largest_trace: f64) -> f64 {
     match largest_trace > 0.0 {
         true => (LARGEST_EXPONENT - largest_trace.log2().floor()).exp2(),

@@ -1,4 +1,4 @@
-//! Transfer function of a volume on the device: tables, active bricks and their distances.
+//! Transfer function of a volume on the graphics device: its tables, the active bricks and the distances to them.
 
 use super::fold::FoldUniform;
 use super::merged_function::MergedFunction;
@@ -19,7 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-/// `Field` of `shaders/field/field.wgsl`.
+/// Uniform of a volume and its transfer function: `Field` of `shaders/field/field.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct FieldUniform {
@@ -46,7 +46,7 @@ struct FieldUniform {
     pub fold: FoldUniform,
 }
 
-/// `IntervalTable` of `shaders/field/transfer.wgsl`.
+/// Uniform of the intervals of a transfer function: `IntervalTable` of `shaders/field/transfer.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct IntervalTable {
@@ -66,53 +66,56 @@ fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
     Ok(table)
 }
 
-/// Data on the device that depends on the transfer function: an edit replaces it, and the volume stays.
+/// Device data that depends on the transfer function. An edit of the function replaces it; the volume texture stays.
 pub struct DeviceTransfer {
-    /// Bricks with extinction.
+    /// Active bricks of the volume: those with extinction under the transfer function.
     pub active: ActiveBricks,
-    /// Milliseconds on the host to make the tables.
+    /// Host time to make the tables of the transfer function, ms.
     pub table_ms: f64,
-    /// Milliseconds on the host to classify the bricks.
+    /// Host time to classify the volume's bricks as active or empty, ms.
     pub classify_ms: f64,
-    /// Bytes of the tables (without the pre-compressed one, see [`MarchTable`]) and of the bricks' distances.
+    /// Bytes on the device of the transfer function's tables and of each brick's distance to the nearest active
+    /// brick. [`MarchTable`] counts the pre-compressed table of breakpoints.
     pub bytes: u64,
-    /// Whether no value of the volume has extinction.
+    /// Whether the volume has no extinction at all under the transfer function.
     pub empty: bool,
-    /// Whether all extinction has one colour, so that the integrals hold none.
+    /// Whether the transfer function gives all extinction one colour. Its tables then store no colour.
     pub one_color: bool,
-    /// Whether the function has clip planes.
+    /// Whether the transfer function has clip planes.
     pub clips: bool,
-    /// Whether labels of the volume use different functions.
+    /// Whether segmentation labels of the volume use different transfer functions.
     labelled: bool,
-    /// Optimizations that are disabled in all shaders and tables of this function.
+    /// Optimizations that are disabled (`--no-skip`) in all shaders and tables of this transfer function.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
-    /// Whether the volume's texture is folded.
+    /// Whether the volume texture is folded to fit the adapter's limit on 3-D textures.
     folded: bool,
     bindings: Bindings,
-    /// Group 0 without the pre-compressed table.
+    /// Bind group 0 without the pre-compressed table of transfer-function breakpoints.
     plain_group: Group,
     march: OnceLock<MarchTable>,
-    /// Function of the tables.
+    /// Transfer function that the device tables represent.
     tf: TransferFunction,
     mapping: TexelMapping,
     largest_texel: f64,
 }
 
-/// Pre-compressed table on the device.
+/// Pre-compressed table on the device: breakpoints of the transfer function between two values (Hadwiger et al. 2006,
+/// 3.2).
 pub struct MarchTable {
-    /// Group 0 with the table.
+    /// Bind group 0 with the pre-compressed table of transfer-function breakpoints.
     group: Group,
     view: wgpu::TextureView,
-    /// Whether the light march has to search for breakpoints that the table does not hold.
+    /// Whether the light march has to search for breakpoints of the transfer function that the pre-compressed table
+    /// cannot hold.
     pub many_breakpoints: bool,
-    /// Milliseconds on the host to make it.
+    /// Host time to make the pre-compressed table of transfer-function breakpoints, ms.
     pub table_ms: f64,
-    /// Bytes of the table.
+    /// Bytes of the pre-compressed table of transfer-function breakpoints.
     pub bytes: u64,
 }
 
-/// Resources of group 0 besides the pre-compressed table.
+/// Resources of bind group 0, except the pre-compressed table of transfer-function breakpoints.
 #[derive(Clone)]
 struct Bindings {
     field: wgpu::Buffer,
@@ -122,7 +125,7 @@ struct Bindings {
     intervals: wgpu::Buffer,
     integrals: wgpu::TextureView,
     extinction: wgpu::TextureView,
-    /// Labels of voxels, and shifts of values by label.
+    /// Texture of the voxels' segmentation labels, and the shift of voxel values for each label.
     labels: Option<(wgpu::TextureView, wgpu::Buffer)>,
 }
 
@@ -150,15 +153,16 @@ impl Bindings {
     }
 }
 
-/// Rounding of values as a share of the largest texel value: 2^-19, about 16 roundings of the cubic's terms, the tolerance
-/// of a breakpoint's root, and the rounding of the breakpoint.
+/// Largest float32 error of a voxel value along a ray, as a share of the largest texel value: 2^-19. It covers about
+/// 16 roundings in trilinear interpolation, the tolerance of a transfer-function breakpoint's root, and the rounding
+/// of the breakpoint.
 const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
 
 impl DeviceTransfer {
-    /// Makes the tables and classifies the bricks.
+    /// Makes the device tables of a transfer function, and classifies the volume's bricks as active or empty.
     ///
     /// # Errors
-    /// The function has too many pieces, or the device is out of memory.
+    /// The transfer function has more pieces than the device tables hold, or the device is out of memory.
     pub fn new(
         gpu: &Gpu,
         loaded: &LoadedVolume,
@@ -171,7 +175,8 @@ impl DeviceTransfer {
         let tables = &merged.tables;
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        // Integrals are linear within a bin of the table, and so a bin at the edge of a peak has extinction everywhere.
+        // Integrals are linear within a bin of the table, and so a bin at the edge of a peak has extinction
+        // everywhere.
         let bin = on_device.mapping.scale / f64::from(tables.table_per_value);
         let active = ActiveBricks::blurred(loaded.volume.bricks(), tf, bin);
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -213,13 +218,14 @@ impl DeviceTransfer {
         Ok(made)
     }
 
-    /// Function of the tables: of a volume with labels, all of its functions side by side.
+    /// Returns the transfer function that the device tables represent. For a volume with segmentation labels, it
+    /// holds the functions of all labels side by side.
     pub fn function(&self) -> &TransferFunction {
         &self.tf
     }
 
-    /// Replaces the colours, for a function with the same extinction at all values that occur: only the integrals are made
-    /// again.
+    /// Returns the device data with the colours of another transfer function, whose extinction must be the same at
+    /// all values of the volume. Only the table of colour integrals is replaced.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -254,23 +260,24 @@ impl DeviceTransfer {
         })
     }
 
-    /// Width of a bin of the integrals in the volume's values.
+    /// Returns the bin width of the table of extinction integrals, in units of the volume's values.
     pub fn value_bin(&self) -> f64 {
         self.mapping.scale / f64::from(self.uniform.table_per_value)
     }
 
-    /// Largest float32 error of a value along a ray, in the volume's values: of a cubic of eight texel values and of the
-    /// breakpoints that it is compared with; see `docs/bound.md`, "Values".
+    /// Returns the largest float32 error of a voxel value along a ray, in units of the volume's values. It covers
+    /// trilinear interpolation and the transfer-function breakpoints that the value is compared with; see
+    /// `docs/bound.md`, "Values".
     pub fn value_rounding(&self) -> f64 {
         VALUE_ROUNDING * self.largest_texel * self.mapping.scale
     }
 
-    /// Pre-compressed table, if a pass has needed it.
+    /// Returns the pre-compressed table of transfer-function breakpoints, if a compute pass has needed it.
     pub fn march_table(&self) -> Option<&MarchTable> {
         self.march.get()
     }
 
-    /// Pre-compressed table, made at the first call.
+    /// Returns the pre-compressed table of transfer-function breakpoints; the first call makes it.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -293,13 +300,14 @@ impl DeviceTransfer {
         }))
     }
 
-    /// Group 0.
+    /// Returns bind group 0, which holds the volume, the transfer function and the distances to active bricks.
     pub fn group(&self) -> &Group {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// Adds the definitions that this function and its volume need: clip planes, labels, a folded texture, and the search for
-    /// breakpoints. A variant that marches cell by cell gets the pre-compressed table.
+    /// Adds the shader definitions that the transfer function and its volume need: clip planes, labels, a folded
+    /// texture, and the search for breakpoints. For a shader that marches cell by cell, it also makes the
+    /// pre-compressed table of transfer-function breakpoints.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -315,12 +323,13 @@ impl DeviceTransfer {
     }
 }
 
-/// Linear RGB colour of all extinction, where there is only one.
+/// Returns the linear RGB colour of all extinction, if the transfer function gives only one colour.
 fn one_color(tf: &TransferFunction, disabled: DisabledOptimizations) -> Option<[f32; 3]> {
     tf.one_color().filter(|_| !disabled.has(Optimization::Colors)).map(|color| color.map(|c| c as f32))
 }
 
-/// Stand-in for the pre-compressed table in pipelines that do not read it.
+/// Returns a stand-in for the pre-compressed table of transfer-function breakpoints, for pipelines that do not read
+/// it.
 fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
     table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
 }
@@ -364,7 +373,7 @@ fn field_uniform(
     }
 }
 
-/// Clip planes in a volume's grid space, filled up with planes that clip nothing.
+/// Converts clip planes of a transfer function to a volume's grid space. Unused entries are planes that clip nothing.
 fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLANES] {
     let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
     let world_from_grid = grid_from_world(volume).inverse();
@@ -376,7 +385,8 @@ fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLAN
     planes
 }
 
-/// Integrals of extinction and its colour over the value; a single texel where there is one colour.
+/// Creates the table of integrals of extinction and colour over the voxel value; a single texel if there is only one
+/// colour.
 fn color_integrals(
     gpu: &Gpu,
     tables: &TransferTables,

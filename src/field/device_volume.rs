@@ -1,4 +1,4 @@
-//! Voxel values on the device, without loss for integers.
+//! Voxel values of a volume in a device texture, without loss for integers.
 
 use super::fold::{Fold, FoldSpan};
 use crate::error::{Error, Result};
@@ -11,36 +11,37 @@ use wgpu::TextureFormat;
 
 const DOWNSAMPLE_HINT: &str = "--downsample=BYTES or --downsample=2x2x1 reduces it by whole factors";
 
-/// Volume texture, and the mapping of its texels to values.
+/// Volume texture on the device, with the mapping from its texels to the volume's values.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
-    /// Ranks of the voxels' labels, where the volume has labels.
+    /// Texture with the label of each voxel, as a rank among all labels that occur; `None` for a volume without
+    /// labels.
     pub(crate) labels: Option<wgpu::TextureView>,
-    /// Mapping between texel values and the volume's values.
+    /// Mapping between texel values of the volume texture and the volume's values.
     pub mapping: TexelMapping,
-    /// Smallest and largest texel value.
+    /// Smallest and largest texel value in the volume texture.
     pub texel_range: [f64; 2],
-    /// Voxels along each axis.
+    /// Number of voxels of the volume along each axis.
     pub dims: [usize; 3],
-    /// Places of the voxels in the texture.
+    /// Placement of the voxels in the volume texture, which is folded if the volume is too long for it.
     pub fold: Fold,
-    /// Bytes of the volume and label textures.
+    /// Bytes of the volume texture and the label texture.
     pub bytes: u64,
 }
 
-/// Conversion of stored values: `texel = (stored - center) * per_stored`.
+/// Conversion from stored voxel values to texel values: `texel = (stored - center) * per_stored`.
 struct Packing {
     format: TextureFormat,
     center: f64,
     per_stored: f64,
 }
 
-/// Packing of a volume's values into 16-bit or 32-bit floats.
+/// Chooses how a volume's values are stored as 16-bit or 32-bit floats.
 ///
-/// A 16-bit float is exact for whole numbers from -2048 to 2048: integer volumes whose stored values span at most 4096
-/// (12-bit CT) are stored as differences from their middle. A 32-bit float is exact for whole numbers up to 2^24, and so for
-/// other 16-bit volumes. Values of 32-bit volumes are scaled by a power of 2 to `[-1, 1]`, without rounding. Values of 64-bit
-/// volumes are scaled to `[0, 1]` and rounded to 24 bits.
+/// A 16-bit float is exact for whole numbers from -2048 to 2048: integer volumes whose stored values span at most
+/// 4096 (12-bit CT) are stored as differences from their middle. A 32-bit float is exact for whole numbers up to
+/// 2^24, and so for other 16-bit volumes. Values of 32-bit volumes are scaled by a power of 2 to `[-1, 1]`, without
+/// rounding. Values of 64-bit volumes are scaled to `[0, 1]` and rounded to 24 bits.
 fn packing(volume: &Volume) -> Packing {
     let [lo, hi] = volume.stored_range();
     // A negative slope is negated, so that texels always rise with values.
@@ -63,8 +64,8 @@ fn packing(volume: &Volume) -> Packing {
     }
 }
 
-/// Writes a texture tile by tile and slice by slice. `put` appends the texels of one row: it takes the index of the grid
-/// row's first voxel in memory order, and the tile's span of that row.
+/// Writes a volume texture tile by tile and slice by slice. `put` appends the texels of one row: it takes the index
+/// of the row's first voxel in memory order, and the tile's span of that row.
 fn write_tiles(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -89,7 +90,7 @@ fn write_tiles(
     }
 }
 
-/// Writes the voxels of a volume into its texture.
+/// Writes the voxels of a volume into its device texture.
 fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing, fold: &Fold) {
     let Packing { format, center, per_stored } = *packing;
     let texel = |stored: f64| ((stored - center) * per_stored) as f32;
@@ -109,7 +110,7 @@ fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
     });
 }
 
-/// Texture of the ranks of voxels' labels, folded as the voxels are.
+/// Creates the texture with the segmentation label of each voxel (as a rank), folded like the volume texture.
 fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
     let texture = grid_texture(gpu, "labels", TextureFormat::R8Uint, fold);
     write_tiles(gpu, &texture, (fold, dims), |first, span, slice| {
@@ -118,12 +119,12 @@ fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> w
     texture.create_view(&Default::default())
 }
 
-/// 3-D texture for a folded grid.
+/// Creates a 3-D texture for a volume grid that may be folded into tiles.
 fn grid_texture(gpu: &Gpu, label: &str, format: TextureFormat, fold: &Fold) -> wgpu::Texture {
     solid_texture(gpu, label, format, fold.sides().map(|side| side as u32))
 }
 
-/// Values of a row in the order of a tile's texels.
+/// Returns the values of a voxel row in the order of a tile's texels, including repeated border voxels.
 fn along_row<'a, T>(row: &'a [T], span: &FoldSpan) -> impl Iterator<Item = &'a T> {
     let row = &row[span.voxels.clone()];
     let margin = |edge: Option<&'a T>| edge.into_iter().cycle().take(span.margin);
@@ -131,10 +132,10 @@ fn along_row<'a, T>(row: &'a [T], span: &FoldSpan) -> impl Iterator<Item = &'a T
 }
 
 impl DeviceVolume {
-    /// Uploads a volume.
+    /// Uploads a volume as a texture to the graphics device.
     ///
     /// # Errors
-    /// The grid fits into the adapter's 3-D textures in no fold, or the device is out of memory.
+    /// The volume exceeds the adapter's 3-D textures even when folded, or the device is out of memory.
     pub fn upload(gpu: &Gpu, volume: &Volume) -> Result<Self> {
         let dims = volume.dims();
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;

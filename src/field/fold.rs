@@ -1,27 +1,30 @@
-//! Folding of a grid that is longer than a 3-D texture: the grid is cut into tiles across the long axis, and the tiles lie
-//! side by side along the other axes of the texture.
+//! Folding of a volume that is too long for a 3-D texture. The volume is cut into tiles across its long axis, and the
+//! tiles lie side by side along the other axes of the texture.
 //!
-//! Neighbouring tiles share the voxel layer at their seam, so that every cell lies in one tile. Where tiles touch in the
-//! texture, each one repeats its outermost voxels around it, so that filters do not read the neighbour.
+//! Neighbouring tiles share the voxel layer at their seam, so that every cell lies in one tile. Where tiles touch in
+//! the texture, each one repeats its outermost voxels around it, so that filters do not read the neighbour.
 
 use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
-/// Places of a grid's tiles in its texture. A texture that is not folded has one tile of the grid's size.
+/// Placement of a long volume's tiles in a 3-D texture, where they lie side by side (folding). A texture that is not
+/// folded has one tile of the volume's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fold {
-    /// Voxels of the grid along each axis.
+    /// Number of voxels of the volume along each axis.
     dims: [usize; 3],
-    /// Voxels from a tile to the next along each axis of the grid; one fewer than a tile has, where it is cut.
+    /// Distance from a tile of the volume to the next along each axis, in voxels. Along an axis that is cut, a tile
+    /// has one voxel more.
     period: [usize; 3],
-    /// Tiles along each axis of the grid.
+    /// Number of tiles into which the volume is cut along each axis.
     tiles: [usize; 3],
-    /// Tiles along each axis of the texture.
+    /// Number of volume tiles along each axis of the folded 3-D texture.
     placed: [usize; 3],
 }
 
-/// `Fold` of `shaders/field/field.wgsl`; the fourth number of each is padding.
+/// Uniform of a folded volume texture: `Fold` of `shaders/field/field.wgsl`. The fourth component of each vector is
+/// padding.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(super) struct FoldUniform {
@@ -33,19 +36,21 @@ pub(super) struct FoldUniform {
     pub inv_sides: [f32; 4],
 }
 
-/// Span of a tile along an axis.
+/// Voxels and texels of one volume tile along one axis of a folded 3-D texture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FoldSpan {
-    /// Voxels of the tile.
+    /// Range of voxels along one axis that a volume tile covers in a folded 3-D texture.
     pub voxels: Range<usize>,
-    /// Repetitions of the first voxel before the span, and of the last one behind it.
+    /// Number of copies of a volume tile's first voxel before it, and of its last voxel behind it, in a folded 3-D
+    /// texture.
     pub margin: usize,
-    /// First texel of the span: that of the first repetition, or without repetitions of the first voxel.
+    /// First texel of a volume tile in a folded 3-D texture, including the copies of the tile's first voxel.
     pub first_texel: usize,
 }
 
 impl FoldSpan {
-    /// Voxels in the order of the texels that hold them.
+    /// Returns the voxel index of each texel of a volume tile in a folded 3-D texture, including the copied border
+    /// voxels.
     pub(super) fn voxels_by_texel(&self) -> impl Iterator<Item = usize> + Clone {
         let Range { start, end } = self.voxels;
         let (before, behind) =
@@ -53,15 +58,16 @@ impl FoldSpan {
         before.chain(start..end).chain(behind)
     }
 
-    /// Number of texels.
+    /// Returns the number of texels of a volume tile along one axis of a folded 3-D texture, including the copied
+    /// border voxels.
     pub(super) fn texels(&self) -> usize {
         self.voxels.len() + 2 * self.margin
     }
 }
 
 impl Fold {
-    /// Finds the fold with the fewest texels for a grid of `dims` voxels and a texture of at most `limit` texels along each
-    /// axis; `None` where none fits.
+    /// Finds the folding of a long volume into tiles that needs the fewest texels. The volume has `dims` voxels, and
+    /// the 3-D texture at most `limit` texels along each axis. Returns `None` if no folding fits.
     pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
         let limit = limit.max(2);
         let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
@@ -88,45 +94,46 @@ impl Fold {
         best.map(|(_, fold)| fold)
     }
 
-    /// Finds the fold of [`Self::of`], if the texture of the bricks' distances fits too, which is not folded.
+    /// Finds the folding of a long volume into a 3-D texture, like [`Self::of`]. Returns `None` also if the texture
+    /// of brick distances, which is never folded, exceeds the limit.
     pub fn with_bricks(dims: [usize; 3], limit: usize) -> Option<Self> {
         let fit = dims.iter().all(|n| n / BRICK_CELLS < limit);
         fit.then(|| Self::of(dims, limit)).flatten()
     }
 
-    /// Number of tiles.
+    /// Returns the number of tiles into which the volume is cut to fit a 3-D texture; 1 if it is not cut.
     pub fn tiles(&self) -> usize {
         self.tiles.iter().product()
     }
 
-    /// Whether there is more than one tile.
+    /// Whether the volume is cut into several tiles to fit a 3-D texture (folded).
     pub fn is_folded(&self) -> bool {
         self.tiles != [1; 3]
     }
 
-    /// Largest number of voxels of a tile along each axis.
+    /// Returns the largest number of voxels of a tile along each axis of the volume.
     fn tile(&self) -> [usize; 3] {
         std::array::from_fn(|a| if self.tiles[a] == 1 { self.dims[a] } else { self.period[a] + 1 })
     }
 
-    /// Repetitions of a tile's outermost voxels along each axis of the texture.
+    /// Returns the number of copies of a volume tile's border voxels along each axis of the folded 3-D texture.
     fn margin(&self) -> [usize; 3] {
         self.placed.map(|n| usize::from(n > 1))
     }
 
-    /// Texels from a tile to the next along each axis of the texture.
+    /// Returns the distance from a volume tile to the next along each axis of the folded 3-D texture, in texels.
     fn stride(&self) -> [usize; 3] {
         let (tile, margin) = (self.tile(), self.margin());
         std::array::from_fn(|a| tile[a] + 2 * margin[a])
     }
 
-    /// Texels of the texture along each axis.
+    /// Returns the number of texels of the folded volume texture along each axis.
     pub fn sides(&self) -> [usize; 3] {
         let stride = self.stride();
         std::array::from_fn(|a| self.placed[a] * stride[a])
     }
 
-    /// Spans of each tile along the three axes.
+    /// Returns the voxels and texels of each volume tile along the three axes of the folded 3-D texture.
     pub(super) fn spans(&self) -> impl Iterator<Item = [FoldSpan; 3]> {
         let Self { dims, period, tiles, placed } = *self;
         let (stride, margin) = (self.stride(), self.margin());
@@ -161,7 +168,7 @@ impl Fold {
 mod tests {
     use super::*;
 
-    /// `tile_offset` of `shaders/field/field.wgsl`, added to the voxel.
+    /// Computes the texel of a voxel in a folded texture, like `tile_offset` of `shaders/field/field.wgsl`.
     fn texel(fold: &Fold, cell: [i32; 3], voxel: [i32; 3]) -> [usize; 3] {
         let FoldUniform { period, tiles, placed, stride, margin, .. } = fold.uniform();
         let tile: [i32; 3] = std::array::from_fn(|a| (cell[a] / period[a]).min(tiles[a] - 1));
@@ -183,7 +190,8 @@ mod tests {
         }
     }
 
-    /// Checks the place of every voxel of every cell, and of the neighbours that a filter may read.
+    /// Tests the texel of every voxel of every cell in a folded texture, and of the neighbours that a filter may
+    /// read.
     #[test]
     fn every_cell_lies_in_one_tile() {
         for (dims, limit) in [

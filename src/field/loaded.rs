@@ -1,4 +1,4 @@
-//! A volume with its data on the device, and the grid space of both.
+//! Volume that is loaded onto the graphics device, and the grid space in which shaders address its voxels.
 
 use super::{DeviceDirections, DeviceVolume};
 use crate::error::{Error, Result};
@@ -9,22 +9,22 @@ use glam::{DAffine3, DVec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Volume with its data on the device.
+/// Volume on the host, together with its data on the graphics device.
 pub struct LoadedVolume {
-    /// The volume on the host.
+    /// Volume in host memory.
     pub volume: Arc<Volume>,
-    /// Strands that the volume was made from.
+    /// Strands (hair or fibres) from which the volume was voxelised; `None` for other volumes.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Voxels on the device.
+    /// Voxels of the volume on the graphics device.
     pub on_device: DeviceVolume,
-    /// Pool sizes that builds of maps needed.
+    /// Sizes of the memory pool for curve nodes that earlier builds of deep shadow maps needed for this volume.
     pub pool_sizes: PoolSizes,
-    /// Directions of the strands, once a picture has needed them.
+    /// Strand directions on the device, once a picture has needed them.
     directions: OnceLock<DeviceDirections>,
 }
 
 impl LoadedVolume {
-    /// Uploads a volume.
+    /// Uploads a volume to the graphics device.
     ///
     /// # Errors
     /// The adapter cannot hold the volume.
@@ -34,13 +34,13 @@ impl LoadedVolume {
         Ok(Self { volume, strands: None, on_device, pool_sizes, directions })
     }
 
-    /// Adds the strands that the volume was made from.
+    /// Adds the strands (hair or fibres) from which the volume was voxelised.
     #[must_use]
     pub fn with_strands(self, strands: Option<Arc<VoxelisedStrands>>) -> Self {
         Self { strands, directions: OnceLock::new(), ..self }
     }
 
-    /// Directions of the strands on the device, uploaded at the first call.
+    /// Returns the strand directions on the graphics device; the first call uploads them.
     ///
     /// # Errors
     /// The volume was not made from strands, or the host or the device is out of memory.
@@ -56,27 +56,29 @@ impl LoadedVolume {
     }
 }
 
-/// Affine from world mm to grid space, which is index space plus one: cell `c` interpolates the voxels `c - 1` and `c`.
+/// Returns the affine transform from world coordinates (mm) to grid space, which is voxel index space plus one. Cell
+/// `c` of the grid interpolates the voxels `c - 1` and `c`.
 pub fn grid_from_world(volume: &Volume) -> DAffine3 {
     DAffine3::from_translation(DVec3::ONE) * volume.index_from_world()
 }
 
-/// Share of a pool that each method's last builds used, by the method's settings. A share fits maps that choose their own
-/// size and so have pools of all sizes.
+/// Sizes of the memory pool for curve nodes that the last builds of deep shadow maps used, by the settings of the
+/// method. Each size is relative to the size of the map, so that it also fits other map sizes.
 ///
-/// A pool as large as the previous build needed does not overflow while a light moves a little, and the build runs once.
-/// Sizes that an edit of the transfer function made too large shrink over the next builds.
+/// A pool as large as in the previous build does not overflow while a light moves a little, and the build runs once.
+/// A size that is too large after an edit of the transfer function shrinks over the next builds.
 #[derive(Debug, Default)]
 pub struct PoolSizes(Mutex<HashMap<String, f64>>);
 
 impl PoolSizes {
-    /// Share that the last builds with these settings used; `None` before the first build.
+    /// Returns the relative pool size that the last builds of a deep shadow map with these settings used; `None`
+    /// before the first build.
     pub fn last(&self, settings: &str) -> Option<f64> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(settings).copied()
     }
 
-    /// Records the share that a build used. A larger earlier share shrinks slowly, so that a light that moves back and forth
-    /// overflows its pool only once.
+    /// Records the relative pool size that a build of a deep shadow map used. A larger earlier size shrinks slowly: a
+    /// light that moves back and forth overflows the pool only once.
     pub fn learn(&self, settings: String, used: f64) {
         let mut sizes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let share = sizes.entry(settings).or_default();

@@ -1,4 +1,5 @@
-//! Transfer function of a volume on the device: with labels, all of their functions side by side.
+//! Transfer function of a volume on the graphics device. For a volume with segmentation labels, it holds the transfer
+//! functions of all labels side by side on one value axis.
 
 use super::LoadedVolume;
 use super::constants::HIDDEN_SHIFT;
@@ -7,25 +8,28 @@ use crate::gpu::{Gpu, uniform_buffer};
 use crate::transfer::{LabelClass, SideBySide, TransferFunction, TransferTables, extinction_range};
 use crate::volume::MAX_LABELS;
 
-/// Functions of all labels merged into one, over texel values that the device shifts by label.
+/// Transfer functions of all segmentation labels, merged into one function. The device shifts each texel value by the
+/// label of its voxel.
 pub(super) struct MergedFunction {
-    /// Merged function.
+    /// Transfer function that holds the functions of all segmentation labels side by side on one value axis.
     pub function: TransferFunction,
-    /// Tables of the merged function; their values without extinction are those before the shift.
+    /// Tables of the merged transfer function. Their range of values with extinction refers to texel values before
+    /// the shift by label.
     pub tables: TransferTables,
-    /// Largest absolute texel value of the merged function.
+    /// Largest absolute texel value on the value axis of the merged transfer function.
     pub largest_texel: f64,
-    /// Shift of a texel value for each label that occurs; empty where all labels use one function.
+    /// Shift of texel values for each segmentation label that occurs in the volume; empty if all labels use one
+    /// transfer function.
     pub shifts: Vec<f32>,
-    /// Texel value without extinction.
+    /// Texel value to which the merged transfer function gives no extinction.
     pub hidden_texel: f32,
 }
 
 impl MergedFunction {
-    /// Merges the functions of a volume's labels.
+    /// Merges the transfer functions of all segmentation labels of a volume into one.
     ///
     /// # Errors
-    /// Functions of labels that cannot be used together.
+    /// The transfer functions of the labels cannot be used together.
     pub fn of(loaded: &LoadedVolume, tf: &TransferFunction) -> Result<Self> {
         let (mapping, texel_range) = (loaded.on_device.mapping, loaded.on_device.texel_range);
         let ids = loaded.volume.labels().map_or(&[][..], |labels| labels.ids());
@@ -56,7 +60,8 @@ impl MergedFunction {
         Ok(Self { function, tables, largest_texel, shifts, hidden_texel })
     }
 
-    /// Label texture and shifts by label, where labels use different functions.
+    /// Returns the texture of segmentation labels and the value shift of each label; `None` if all labels use one
+    /// transfer function.
     pub fn labels(&self, gpu: &Gpu, loaded: &LoadedVolume) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
         let ranks = loaded.on_device.labels.as_ref().filter(|_| !self.shifts.is_empty())?;
         let mut shifts = [0.0; MAX_LABELS];

@@ -1,5 +1,6 @@
-//! Scalar field on a device: volume, transfer function, bricks, light space, the march along light rays and its tiles.
-//! This module provides bind group 0 of every pipeline, and binding 0 of group 1, the light space.
+//! Scalar field on the graphics device: the volume, its transfer function and bricks, the projection of shadow maps,
+//! and the march along light rays. This module provides bind group 0 of every pipeline, and binding 0 of bind group
+//! 1, the projection.
 
 mod active_bricks;
 mod constants;

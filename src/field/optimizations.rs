@@ -1,4 +1,5 @@
-//! Optimizations that a plan applies where the scene allows them, and the set that the user disables.
+//! Optimizations: work that is skipped where the scene allows it, and the set of optimizations that the user
+//! disables.
 
 use crate::error::Error;
 use clap::ValueEnum;
@@ -6,28 +7,31 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Work that the plan skips where a scene does not need it. Disabling an optimization changes times and bytes, and no
-/// picture by more than rounding.
+/// Optimization that skips work where a scene does not need it. Disabling an optimization changes times and bytes,
+/// and changes no picture by more than rounding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Optimization {
-    /// Colour in the integrals over the value, where all extinction has one colour.
+    /// Skips colour in the tables of the transfer function, if all extinction has one colour.
     Colors,
-    /// The pre-compressed table, where nothing marches cell by cell.
+    /// Skips the pre-compressed table of transfer-function breakpoints, if no light ray is marched cell by cell.
     MarchTable,
-    /// The march's search for breakpoints, where the pre-compressed table holds all of them.
+    /// Skips the search for transfer-function breakpoints during the light march, if the pre-compressed table holds
+    /// all of them.
     BreakpointSearch,
-    /// Bricks without extinction, on eye rays and light rays.
+    /// Skips bricks without extinction, on eye rays and light rays.
     Bricks,
-    /// Tiles of the picture without active bricks, and eye rays before the first and behind the last active brick.
+    /// Skips tiles of the picture without active bricks (bricks with extinction), and eye rays before the first and
+    /// behind the last active brick.
     EyeTiles,
-    /// Tiles of a shadow map without active bricks.
+    /// Skips tiles of a shadow map without active bricks (bricks with extinction).
     Tiles,
-    /// The pass that finds where each light ray first meets extinction, before the layers are filled.
+    /// Skips the pass that finds where each light ray first meets extinction, before the layers of a shadow map are
+    /// filled.
     DepthPass,
-    /// The shadow structure and its lookups, where the visible points are fully lit.
+    /// Skips the shadow map and its queries, if all visible points are fully lit.
     Shadows,
-    /// Gradients, without shading.
+    /// Skips gradients of the volume, if the picture has no shading.
     Gradients,
 }
 
@@ -37,32 +41,32 @@ impl fmt::Display for Optimization {
     }
 }
 
-/// Set of optimizations that are disabled (`--no-skip`).
+/// Set of optimizations that the user disables (`--no-skip`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct DisabledOptimizations(u16);
 
 impl DisabledOptimizations {
-    /// The empty set: every optimization is applied.
+    /// Empty set of disabled optimizations: every optimization is applied.
     pub const NONE: Self = Self(0);
 
-    /// The set of one optimization.
+    /// Returns the set of disabled optimizations that holds only the given one.
     pub fn only(one: Optimization) -> Self {
         Self(1 << one as u16)
     }
 
-    /// Union of two sets.
+    /// Returns the union of two sets of disabled optimizations.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether an optimization is disabled.
+    /// Whether the given optimization is in the set of disabled ones.
     pub fn has(self, one: Optimization) -> bool {
         self.0 & Self::only(one).0 != 0
     }
 }
 
-/// Writes the value that `--no-skip` takes.
+/// Writes the disabled optimizations in the form that `--no-skip` takes.
 impl Serialize for DisabledOptimizations {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let disabled = Optimization::value_variants().iter().filter(|one| self.has(**one));
@@ -73,7 +77,7 @@ impl Serialize for DisabledOptimizations {
 impl FromStr for DisabledOptimizations {
     type Err = Error;
 
-    /// Reads names separated by commas, or `all`.
+    /// Parses the value of `--no-skip`: names of optimizations, separated by commas, or `all`.
     fn from_str(text: &str) -> Result<Self, Error> {
         let all = Optimization::value_variants();
         text.split(',').map(str::trim).try_fold(Self::NONE, |disabled, name| {

@@ -1,4 +1,5 @@
-//! Shader modules of the field, their constants, and the shader variants that use them.
+//! WGSL modules of the scalar field (volume, transfer function, light march), their constants, and the shader
+//! variants that use them.
 
 use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
@@ -9,19 +10,19 @@ use crate::transfer::{
 };
 use crate::volume::{BRICK_CELLS, MAX_LABELS};
 
-/// Modules of the march of light rays: cell by cell, by regular samples, and through the segments of strands.
+/// WGSL modules of the march along light rays: cell by cell, by regular samples, and through the segments of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
 const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
 const MARCH_STRANDS: &str = "field/march_strands.wgsl";
-/// Binding in group 2 of the strand segments on the rays of texels.
+/// Binding in bind group 2 of the strand segments that cross the light rays of a shadow map.
 pub(super) const LINES_BINDING: u32 = 15;
-/// Module of the march by regular samples.
+/// WGSL module of ray marches by regular samples.
 const RAY_MARCH: &str = "field/ray_march.wgsl";
 
-/// Definition that lets marches by regular samples skip bricks without extinction.
+/// Shader definition that lets ray marches by regular samples skip bricks without extinction.
 const SKIP_BRICKS: &str = "SKIP_BRICKS";
 
-/// Sink that accumulates optical depth only.
+/// WGSL module that takes the pieces of a light ray from the march (a sink), and adds up their optical depth.
 pub const DEPTH_SINK: &str = "field/depth_sink.wgsl";
 
 const CONSTANTS: &[Constant] = &[
@@ -57,7 +58,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::signed("LINES_BINDING", LINES_BINDING as i32),
 ];
 
-/// Shader variant that reads the field and the light space.
+/// Returns a shader variant that can read the volume, the transfer function and the projection of a shadow map.
 pub fn field_shader(entry: &'static str) -> ShaderVariant {
     let modules = [
         "field/watch.wgsl",
@@ -72,13 +73,13 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
 }
 
 impl ShaderVariant {
-    /// Adds the tile table, which maps tiles to their records.
+    /// Adds the WGSL module of the tile table, which leads from a texel of a shadow map to its record (stored data).
     #[must_use]
     pub fn with_tile_table(self) -> Self {
         self.modules(&["field/tile_table.wgsl"])
     }
 
-    /// Adds a march of light rays that passes its pieces to a sink.
+    /// Adds the WGSL modules of a march along light rays. The march passes each piece of a ray to the module `sink`.
     #[must_use]
     pub fn with_march(self, march: March, sink: &'static str) -> Self {
         let shader = self.modules(&["field/sums.wgsl", sink]);
@@ -89,31 +90,32 @@ impl ShaderVariant {
         }
     }
 
-    /// Adds marches along rays by regular samples, which may skip bricks without extinction.
+    /// Adds the WGSL module of ray marches by regular samples, which may skip bricks without extinction.
     #[must_use]
     pub fn with_ray_march(self, skip_bricks: bool) -> Self {
         self.modules(&[RAY_MARCH]).defs(skip_bricks.then_some(SKIP_BRICKS))
     }
 
-    /// Adds the march cell by cell with the sink of optical depth.
+    /// Adds the WGSL modules that march light rays cell by cell and add up their optical depth.
     #[must_use]
     pub fn with_depth_march(self) -> Self {
         self.with_march(March::Cells, DEPTH_SINK)
     }
 }
 
-/// Whether a variant marches light rays cell by cell, and so needs the pre-compressed table.
+/// Whether a shader marches light rays cell by cell, and so needs the pre-compressed table of transfer-function
+/// breakpoints.
 pub fn marches_cells(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH_CELLS)
 }
 
-/// Dispatch of one thread for each item, in workgroups of [`LINE_THREADS`].
+/// Returns the dispatch size for one thread per item, in workgroups of [`LINE_THREADS`] threads.
 pub fn line_of_workgroups(items: usize) -> [u32; 3] {
     shape_of((items as u32).div_ceil(LINE_THREADS))
 }
 
-/// Two-dimensional dispatch of a number of workgroups, since a dimension holds at most 65,535. It has as few rows as
-/// possible, and fewer idle workgroups than rows.
+/// Returns a two-dimensional dispatch size for a number of workgroups, since one dimension holds at most 65,535. It
+/// has as few rows as possible, and fewer idle workgroups than rows.
 pub fn shape_of(workgroups: u32) -> [u32; 3] {
     let rows = workgroups.div_ceil(65_535).max(1);
     [workgroups.div_ceil(rows).max(1), rows, 1]

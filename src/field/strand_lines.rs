@@ -1,14 +1,16 @@
-//! Strands drawn directly into a map: each segment becomes pieces of the light rays that it crosses, without voxels.
+//! Draws strands directly into a shadow map, without voxels: each strand segment becomes pieces of the light rays
+//! that it crosses.
 //!
-//! A strand covers the share `d l / A` of a texel: `d` is its diameter, `l` its length in the texel across the light, and `A`
-//! the area of the texel. With opacity `a` it transmits `1 - a d l / A` of the texel's light, as deep shadow maps do where a
-//! surface covers a part of a pixel (Lokovic and Veach 2000). Several strands count as independent: their factors are
-//! multiplied. Consecutive parts of one strand in a texel do not overlap: their shares are added up, to at most `a`. A strand
-//! wider than half a texel is drawn as parallel lines, eight per texel where it covers whole texels.
+//! A strand covers the share `d l / A` of a texel: `d` is its diameter, `l` its length in the texel across the light,
+//! and `A` the area of the texel. With opacity `a` it transmits `1 - a d l / A` of the texel's light, as deep shadow
+//! maps do where a surface covers a part of a pixel (Lokovic and Veach 2000). Several strands count as independent:
+//! their factors are multiplied. Consecutive parts of one strand in a texel do not overlap: their shares are added
+//! up, to at most `a`. A strand wider than half a texel is drawn as parallel lines, eight per texel where it covers
+//! whole texels.
 //!
-//! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 rasterise lines in hardware: their fragments attenuate as a
-//! medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand in the texel, and
-//! overlapping neighbours are cut half way, since a march produces disjoint pieces in order.
+//! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 rasterise lines in hardware: their fragments attenuate
+//! as a medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand in
+//! the texel, and overlapping neighbours are cut half way, since a march produces disjoint pieces in order.
 //!
 //! The host cuts and sorts segments in float64, so that the order of pieces is the same on every device.
 
@@ -20,34 +22,40 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Parallel lines per texel of a strand: for one narrower than a texel, and for a wider one.
+/// Number of parallel lines per texel with which a strand is drawn: for a strand narrower than a texel, and for a
+/// wider one.
 const FEW_LINES: f64 = 2.0;
 const MANY_LINES: f64 = 8.0;
-/// Smallest transmittance of a covered texel, so that its logarithm is finite.
+/// Smallest transmittance of a texel that a strand covers, so that its logarithm is finite.
 const LEAST_LEFT: f64 = 1e-7;
-/// Largest difference between equal depths, as a share of the map's range.
+/// Largest difference between depths that count as equal, relative to the shadow map's depth range or its largest
+/// depth.
 const SAME_DEPTH: f64 = 1e-6;
-/// Largest ratio of a texel's widths at both ends of a segment, beyond which it is halved, and most halvings.
+/// Largest ratio of texel widths between the ends of a strand segment, beyond which it is halved; and the largest
+/// number of halvings.
 const MOST_CHANGE: f64 = 1.25;
 const MOST_HALVINGS: u32 = 12;
-/// Most parallel lines of a segment, per texel along a side of the map: a wider strand contains the light.
+/// Largest number of parallel lines with which a strand segment is drawn, per texel along a side of the shadow map. A
+/// wider strand contains the light.
 const MOST_LINES: f64 = 4.0;
-/// Most parts of all lines, which take tens of seconds.
+/// Largest number of parts into which all strands together are cut when they are drawn into a shadow map. Drawing so
+/// many takes tens of seconds.
 const MOST_PARTS: usize = 1 << 28;
-/// Words of a piece.
+/// Number of 32-bit words that store one piece of a light ray.
 const PIECE_WORDS: u32 = 3;
-/// Strands per task of a thread.
+/// Number of strands that a thread draws per task.
 const STRANDS_AT_ONCE: usize = 64;
 
-/// Contribution of a strand to a texel.
+/// Contribution of one strand to one texel of a shadow map.
 #[derive(Debug, Clone, Copy)]
 struct Fragment {
-    /// Record of the texel.
+    /// Index of the texel's record (stored data) in the shadow map.
     record: u32,
-    /// Depths, mm.
+    /// Depth of the middle of a strand fragment, and half its extent in depth, mm.
     middle: f64,
     half: f64,
-    /// Share of the light that the strand absorbs, and its share where it covers the whole texel.
+    /// Share of a texel's light that the strand absorbs, and the share that it would absorb if it covered the whole
+    /// texel.
     taken: f64,
     opacity: f64,
 }
@@ -66,12 +74,12 @@ impl Fragment {
         self.middle + self.half
     }
 
-    /// Whether a fragment of the same strand follows in the same texel without a gap.
+    /// Whether another fragment of the same strand follows in the same texel without a gap in depth.
     fn goes_on_in(&self, next: &Self) -> bool {
         self.record == next.record && next.start() <= self.end()
     }
 
-    /// Joins two fragments.
+    /// Joins two consecutive fragments of one strand into one fragment.
     fn joined(&self, next: &Self) -> Self {
         let (from, to) = (self.start().min(next.start()), self.end().max(next.end()));
         let (taken, opacity) = (self.taken + next.taken, self.opacity.max(next.opacity));
@@ -79,9 +87,9 @@ impl Fragment {
     }
 }
 
-/// Converts the sorted fragments of one strand to shares of the light that earlier fragments transmit. The product of
-/// consecutive fragments in a texel gives the sum of their shares, or the opacity if that is less. Neighbours within
-/// `most_extent_mm` are joined.
+/// Converts the sorted fragments of one strand to shares of the light that earlier fragments transmit. In each texel,
+/// consecutive fragments together absorb the sum of their original shares, but at most the strand's opacity.
+/// Adjoining fragments are joined up to a depth extent of `most_extent_mm`.
 fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec<Fragment>) {
     // Current chain: its absorbed share before the last fragment, and this fragment.
     let (mut before, mut last): (f64, Option<Fragment>) = (0.0, None);
@@ -117,13 +125,14 @@ fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec
     }
 }
 
-/// Words of `shaders/field/march_strands.wgsl`: offset of the first piece of each record and the end of the last one, then the
-/// pieces in the order of records and depths. A piece is two depths (mm) and an optical depth.
+/// Returns the 32-bit words that `shaders/field/march_strands.wgsl` reads. They begin with the offset of the first
+/// piece of each texel, and the end of the last piece. All pieces of light rays follow, in the order of texels and
+/// depths; each has two depths (mm) and an optical depth.
 ///
-/// `first_records` is the tile table of a map with `records` records.
+/// `first_records` is the tile table of a shadow map with `records` texel records.
 ///
 /// # Errors
-/// The words take more than `most_bytes`; the text is the reason.
+/// The words take more than `most_bytes`. The error text states the reason.
 pub(super) fn line_words(
     strands: &Strands,
     space: &LightSpace,
@@ -171,7 +180,7 @@ struct StrandRasterizer<'a> {
     space: &'a LightSpace,
     first_records: &'a [u32],
     most_extent_mm: f64,
-    /// Parts that all threads have drawn.
+    /// Number of parts of strands that all threads have drawn so far.
     parts: &'a AtomicUsize,
 }
 
@@ -180,7 +189,7 @@ impl StrandRasterizer<'_> {
         self.parts.load(Ordering::Relaxed) > MOST_PARTS
     }
 
-    /// Draws the segments of a strand.
+    /// Draws the segments of one strand into the texels of a shadow map.
     fn draw(&self, segments: Range<usize>, out: &mut Vec<Fragment>) {
         for index in segments {
             let segment = self.strands.segment(index);
@@ -191,7 +200,8 @@ impl StrandRasterizer<'_> {
         }
     }
 
-    /// Draws a segment; halves it where the widths of texels differ much between its ends.
+    /// Draws one strand segment into the texels of a shadow map. It halves the segment if texel widths differ much
+    /// between its ends.
     fn draw_part(&self, [a, b]: [DVec3; 2], strand: (f64, f64), halvings: u32, out: &mut Vec<Fragment>) {
         let middle = 0.5 * (a + b);
         let (direction, texel_mm) = self.space.ray_and_texel_mm(middle);
@@ -228,7 +238,8 @@ impl StrandRasterizer<'_> {
         self.parts.fetch_add(out.len() - before + lines as usize, Ordering::Relaxed);
     }
 
-    /// Record of a texel, as `record_of` of `shaders/field/tile_table.wgsl`.
+    /// Returns the index of a shadow-map texel's record (stored data), like `record_of` of
+    /// `shaders/field/tile_table.wgsl`; `None` in skipped tiles.
     fn record(&self, [column, row]: [u32; 2]) -> Option<u32> {
         let tile = row / TILE * self.space.tiles_across() + column / TILE;
         let first = self.first_records.get(tile as usize).copied().filter(|first| *first != NO_TILE)?;
@@ -238,7 +249,7 @@ impl StrandRasterizer<'_> {
     }
 }
 
-/// Sorts the fragments of all strands by record and depth.
+/// Sorts the fragments of all strands by shadow-map texel and depth.
 fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
     let mut places = vec![0; records as usize + 1];
     drawn.iter().flatten().for_each(|f| places[f.record as usize + 1] += 1);
@@ -259,7 +270,7 @@ fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
     fragments
 }
 
-/// Converts sorted fragments to disjoint pieces, with their records.
+/// Converts sorted strand fragments to pieces of light rays that do not overlap, each with the index of its texel.
 fn pieces(fragments: &[Fragment], [start, end]: [f64; 2]) -> Vec<(u32, [f32; 3])> {
     let same = SAME_DEPTH * (end - start).max(start.abs()).max(end.abs());
     let mut apart: Vec<(Fragment, f64)> = Vec::with_capacity(fragments.len());
@@ -304,7 +315,7 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// Number of fragments, and share of the light that a strand absorbs.
+    /// Returns the number of fragments of a strand after conversion, and the share of the light that they absorb.
     fn taken(fragments: &[Fragment], most_extent_mm: f64) -> (usize, f64) {
         let mut out = Vec::new();
         shares_of_the_rest(fragments, most_extent_mm, &mut out);

@@ -1,4 +1,5 @@
-//! Build of a tiled map: the tiles that are built, the places of their records, and passes over them.
+//! Builds a shadow map by tiles: chooses the tiles that are built, places the data of their texels, and runs compute
+//! passes over them.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
@@ -7,33 +8,35 @@ use super::{BuildContext, LightSpace, MapShape, March, Optimization};
 use crate::error::{Error, Result};
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
-/// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
+/// Compute passes over those tiles of a shadow map that contain bricks with extinction (Hadwiger et al. 2006, 3.4).
 ///
-/// The shader of a pass imports `umbravox::tiles` (`tile_texel` finds its texel) and `umbravox::tile_table` (`record_of`
-/// finds the texel's record). Group 1 binds the light space at 0, the tile table at 2, and the method's own resources at 1
-/// and from 3 on. Group 2 binds the list of tiles at 0 and the pass's own resources from 1 on.
+/// The shader of a pass imports `umbravox::tiles` (`tile_texel` finds its texel) and `umbravox::tile_table`
+/// (`record_of` finds the texel's record). Bind group 1 holds the shadow map's projection at 0, the tile table at 2,
+/// and the method's own resources at 1 and from 3 on. Bind group 2 holds the list of tiles at 0 and the pass's own
+/// resources from 1 on.
 pub struct TileMarch<'a> {
     context: BuildContext<'a>,
-    /// The projection of the map.
+    /// Projection of the shadow map that is built by tiles.
     pub light_space: LightSpace,
     light: wgpu::Buffer,
     table: wgpu::TextureView,
-    /// Numbers of the tiles that are built, in the order of their records.
+    /// Numbers of the shadow-map tiles that are built, in the order in which their texels are stored.
     built_tiles: Vec<u32>,
     list: wgpu::Buffer,
-    /// Strand segments as pieces of the texels' rays, with [`March::Lines`].
+    /// Buffer of the strand segments as pieces of light rays, if the march is [`March::Lines`].
     lines: Option<wgpu::Buffer>,
-    /// Number of tiles of the map.
+    /// Number of all tiles of the shadow map.
     pub tiles: u32,
-    /// Number of tiles that are built: those with active bricks, or all where [`Optimization::Tiles`] is disabled.
+    /// Number of shadow-map tiles that are built: those with bricks that have extinction, or all if
+    /// [`Optimization::Tiles`] is disabled.
     pub built: u32,
 }
 
 impl<'a> TileMarch<'a> {
-    /// Fits a map of this shape and lists its tiles.
+    /// Fits a shadow map of the given shape, and lists its tiles.
     ///
     /// # Errors
-    /// The adapter cannot hold the map, or there are no strands for [`March::Lines`].
+    /// The adapter cannot hold the shadow map, or there are no strands for [`March::Lines`].
     pub fn fit(context: &BuildContext<'a>, shape: MapShape) -> Result<Self> {
         let gpu = context.gpu();
         let light_space = context.light_space(shape);
@@ -68,29 +71,32 @@ impl<'a> TileMarch<'a> {
         })
     }
 
-    /// Number of records of all built tiles.
+    /// Returns the number of texel records in the shadow map: one for each texel of the tiles that are built.
     pub fn records(&self) -> u32 {
         self.built * TILE_TEXELS
     }
 
-    /// Size of the tile table in bytes.
+    /// Returns the size in bytes of the shadow map's tile table, which leads from a tile to the data of its texels.
     pub fn table_bytes(&self) -> u64 {
         u64::from(self.tiles) * 4
     }
 
-    /// Group 1 with the method's own slots, for passes and lookups.
+    /// Creates bind group 1 with the shadow method's own bindings, for the passes that build a shadow map and for
+    /// queries for transmittance.
     pub fn group(&self, label: &str, own: &[(u32, Slot<'_>)]) -> Group {
         let kernels = self.context.kernels;
         let shared = [(0, kernels.uniform(&self.light)), (2, Slot::words(&self.table))];
         kernels.group(label, &[&shared, own].concat())
     }
 
-    /// Slots of group 2 that the march of this map reads besides the pass's own.
+    /// Returns the bindings of bind group 2 that the light march of this shadow map reads, in addition to those of
+    /// the compute pass.
     pub fn march_slots(&self) -> Vec<(u32, Slot<'_>)> {
         self.lines.iter().map(|lines| (LINES_BINDING, Slot::read(lines.as_entire_binding()))).collect()
     }
 
-    /// Runs a pass over all built tiles in batches; `own` and `stage` are the method's slots of groups 1 and 2.
+    /// Runs a compute pass over all shadow-map tiles that are built, in batches. `own` and `stage` are the shadow
+    /// method's bindings of bind groups 1 and 2.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -105,7 +111,8 @@ impl<'a> TileMarch<'a> {
         self.context.run_over((&self.list, self.built), label, variant, &self.group(label, own), &stage)
     }
 
-    /// Runs a pass over some of the built tiles; `places` are their indices in the order of records.
+    /// Runs a compute pass over some of the shadow-map tiles that are built; `places` are their indices in the order
+    /// of storage.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -124,7 +131,8 @@ impl<'a> TileMarch<'a> {
     }
 }
 
-/// Tile table (first record of each tile, or [`NO_TILE`]) and the list of tiles that have records.
+/// Returns the tile table of a shadow map (index of each tile's first texel in storage, or [`NO_TILE`]), and the list
+/// of tiles that are stored.
 fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut list = Vec::new();
     let entry = |(tile, occupied): (usize, &bool)| {

@@ -1,22 +1,22 @@
-//! Splits the build of a map into submissions of about the duration that the renderer wants.
+//! Splits the build of a shadow map into submissions of about the duration that the renderer wants.
 
 use super::shader::shape_of;
 use crate::error::Result;
 use crate::gpu::Span;
 use std::sync::{Mutex, PoisonError};
 
-/// Consecutive entries of a work list (tiles, steps), processed by one submission.
+/// Consecutive entries of a work list (shadow-map tiles or steps) that one submission processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batch {
     first: u32,
     count: u32,
 }
 
-/// Bytes of an entry in a list of tiles.
+/// Bytes of one entry in a list of shadow-map tiles.
 const ENTRY_BYTES: u64 = 4;
 
 impl Batch {
-    /// Binds these entries of a list: shaders see them as the whole list.
+    /// Binds a batch's part of a work list to a shader, which sees it as the whole list.
     pub fn binding<'a>(&self, list: &'a wgpu::Buffer) -> wgpu::BindingResource<'a> {
         wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: list,
@@ -25,48 +25,51 @@ impl Batch {
         })
     }
 
-    /// Indices of the entries.
+    /// Returns the indices in the work list of the entries that one batch processes.
     pub fn range(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// Dispatch size of one workgroup per entry.
+    /// Returns the dispatch size of a batch, with one workgroup per entry of the work list.
     pub fn workgroups(&self) -> [u32; 3] {
         shape_of(self.count)
     }
 }
 
-/// Longest duration of one submission of a map's build, and the measured speed of each pass.
+/// Longest duration of one submission while a shadow map is built, and the measured speed of each compute pass.
 #[derive(Debug)]
 pub struct TilePace {
     target_ms: f64,
-    /// Tiles per millisecond, by the build pass.
+    /// Measured speed of each build pass of a shadow map, in tiles per millisecond.
     rates: Mutex<Vec<(&'static str, f64)>>,
 }
 
-/// Size of the first batch, before the speed of the adapter is known.
+/// Number of shadow-map tiles in the first batch, before the speed of the adapter is known.
 const FIRST_TILES: u32 = 16;
-/// Largest factor by which a rate rises: a batch of empty tiles says nothing about the next batch.
+/// Largest factor by which the measured speed of a shadow-map build rises from one batch to the next. A batch of
+/// empty tiles says nothing about the next batch.
 const FASTER: f64 = 1.25;
 
 impl TilePace {
-    /// With an infinite target, one submission builds all tiles.
+    /// Creates a pace for shadow-map builds with submissions of about `target_ms`. With an infinite target, one
+    /// submission builds all tiles.
     pub fn new(target_ms: f64) -> Self {
         Self { target_ms, rates: Mutex::default() }
     }
 
-    /// Whether the queue has to be idle before each submission, so that its duration can be measured.
+    /// Whether the duration of submissions is limited. The queue then has to be idle before each one, so that its
+    /// duration can be measured.
     pub(super) fn is_limited(&self) -> bool {
         self.target_ms.is_finite()
     }
 
-    /// Offsets of batches within a list of tiles are multiples of this number of entries.
+    /// Returns the alignment of batches in a work list: each batch starts at a multiple of this number of entries.
     pub(super) fn granule(limits: &wgpu::Limits) -> u32 {
         limits.min_storage_buffer_offset_alignment.div_ceil(ENTRY_BYTES as u32).max(1)
     }
 
-    /// Runs a pass over `count` entries in batches and returns the sum of their durations. An empty list is one empty
-    /// batch.
+    /// Runs a compute pass over `count` entries of a work list in batches, and returns the sum of their durations. An
+    /// empty list is one empty batch.
     pub(super) fn run_batches(
         &self,
         pass: &'static str,

@@ -1,46 +1,47 @@
-//! View of a camera: the part of a volume in which a picture needs shadows.
+//! View of a camera, which determines the part of a volume in which a picture needs shadows.
 
 use crate::scene::{Camera, Scene};
 use glam::{DAffine3, DVec3};
 
-/// Camera with the shape and size of its picture.
+/// Camera with the aspect ratio and the height of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     camera: Camera,
-    /// Width of the picture by its height.
+    /// Width of the picture divided by its height.
     aspect: f64,
-    /// Rows of the picture.
+    /// Height of the picture in pixels.
     height: u32,
-    /// Margin that a map covers on each side, as a share of the view: a camera that moves slightly stays within it.
+    /// Margin around the view that a shadow map covers on each side, as a share of the view. A camera that moves
+    /// slightly stays within it.
     pub(super) margin: f64,
 }
 
 impl View {
-    /// View of a scene's picture, without a margin.
+    /// Returns the view of a scene's camera and picture, without a margin.
     pub fn of(scene: &Scene) -> Self {
         let aspect = f64::from(scene.width) / f64::from(scene.height);
         Self { camera: scene.camera, aspect, height: scene.height, margin: 0.0 }
     }
 
-    /// View in which the shadows of a scene's picture are needed; `None`: everywhere. Lookups on a mesh lie
-    /// outside the active bricks, and their occluders need not be in the view.
+    /// Returns the view in which a scene's picture needs shadows; `None`: everywhere. A mesh needs shadows outside
+    /// the active bricks too, and its occluders may lie outside the view.
     pub fn of_shadows(scene: &Scene) -> Option<Self> {
         scene.mesh.is_none().then(|| Self::of(scene))
     }
 
-    /// Widens the view so that it contains another picture of the same camera.
+    /// Widens the view so that it also contains another picture of the same camera.
     #[must_use]
     pub fn holding(self, other: &Scene) -> Self {
         Self { aspect: self.aspect.max(Self::of(other).aspect), ..self }
     }
 
-    /// Sets the margin.
+    /// Sets the margin around the view that a shadow map covers, as a share of the view.
     #[must_use]
     pub fn with_margin(self, margin: f64) -> Self {
         Self { margin, ..self }
     }
 
-    /// Frustum of the view in coordinates that `world_from` maps to world mm.
+    /// Returns the view frustum in the coordinates that `world_from` maps to world coordinates (mm).
     pub fn frustum(&self, world_from: &DAffine3) -> Frustum {
         let frame = self.camera.frame();
         // Rounding on the device moves rays slightly.
@@ -58,24 +59,25 @@ impl View {
         Frustum(outwards.map(|n| (m * n, n.dot(from_eye))))
     }
 
-    /// Unit direction of the view.
+    /// Returns the unit vector of the view direction.
     pub(super) fn forward(&self) -> DVec3 {
         self.camera.frame().forward
     }
 
-    /// Width of a pixel on a plane through a world point, mm.
+    /// Returns the width of a pixel of the picture, on a plane across the view through a world point, mm.
     pub(super) fn pixel_mm(&self, world: DVec3) -> f64 {
         let distance = (world - self.camera.eye).dot(self.camera.frame().forward);
         2.0 * (0.5 * self.camera.fov_deg.to_radians()).tan() * distance.max(0.0) / f64::from(self.height)
     }
 }
 
-/// View frustum as planes: outward normal, and distance of the origin along it.
+/// View frustum as five planes, each with its outward normal and the distance of the origin along it.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum([(DVec3, f64); 5]);
 
 impl Frustum {
-    /// Tests a box conservatively: `false` if it lies beyond one plane as a whole.
+    /// Tests conservatively whether a box may intersect the view frustum: `false` only if the whole box lies beyond
+    /// one plane.
     pub fn may_intersect(&self, center: DVec3, half: DVec3) -> bool {
         !self.0.iter().any(|(normal, origin)| normal.dot(center) + origin > normal.abs().dot(half))
     }

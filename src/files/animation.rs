@@ -1,4 +1,4 @@
-//! Animation files: animated PNG, whose pixels equal those of single PNG files, and GIF, with 256 colours in all.
+//! Writes animation files: animated PNG, with the same pixels as single PNG files, and GIF, with at most 256 colours.
 
 use super::output::{WholeFile, extension, spool_beside};
 use super::picture::{Backdrop, codes, color_type, joined, png_encoder};
@@ -12,28 +12,29 @@ use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::SpooledTempFile;
 
-/// File-name endings that [`Animation`] supports.
+/// File name extensions of the supported animation formats.
 pub const ANIMATION_EXTENSIONS: &[&str] = &["apng", "gif"];
 
-/// Range of frame rates. Viewers ignore the delays of a GIF below 20 ms.
+/// Smallest and largest frame rate of an animation, frames per second. Viewers ignore GIF frame delays below 20 ms.
 pub const PICTURES_PER_SECOND: [f64; 2] = [0.1, 50.0];
 
-/// Colours of a GIF file.
+/// Largest number of colours of a GIF file.
 const COLORS: usize = 256;
-/// Pixels, spread over all pictures, from which the colours are chosen.
+/// Approximate number of pixels, spread over all frames, from which the colours of a GIF file are chosen.
 const TRAINING_PIXELS: u64 = 1 << 21;
-/// Bytes of pixels that wait in memory until the colours are chosen; more go to a nameless file.
+/// Bytes of pixels that wait in memory until the colours of a GIF file are chosen; further pixels go to a temporary
+/// file.
 const SPOOL_BYTES: usize = 64 << 20;
 
-/// Whether a file name has the ending of an animation.
+/// Returns whether a file name has the extension of an animation format.
 pub fn is_animation(path: &Path) -> bool {
     extension(path, ANIMATION_EXTENSIONS).is_ok()
 }
 
-/// Refuses a GIF file without a background, since GIF has no half-transparent pixels.
+/// Returns an error for a GIF file without a background, since GIF has no partly transparent pixels.
 ///
 /// # Errors
-/// A fault of the command line.
+/// Input error: a GIF file was requested without a background.
 pub fn check_backdrop(path: &Path, backdrop: Backdrop) -> Result<()> {
     if backdrop == Backdrop::LeftOut && extension(path, &["gif"]).is_ok() {
         let why = "a GIF file has no half-transparent pixels, which a picture without background needs";
@@ -43,22 +44,22 @@ pub fn check_backdrop(path: &Path, backdrop: Backdrop) -> Result<()> {
     Ok(())
 }
 
-/// Properties of an animation.
+/// Properties of an animation file: size, number of frames, frame rate and background.
 #[derive(Debug, Clone)]
 pub struct Animated {
-    /// Pixels across and down.
+    /// Width and height of each frame, pixels.
     pub size: [u32; 2],
-    /// Number of pictures.
+    /// Number of frames of the animation.
     pub frames: u32,
-    /// Pictures a second, within [`PICTURES_PER_SECOND`].
+    /// Frame rate in frames per second, within [`PICTURES_PER_SECOND`].
     pub fps: f64,
-    /// Background behind the volume.
+    /// Background behind the volume in each frame of the animation.
     pub backdrop: Backdrop,
-    /// Texts by their keys: `iTXt` chunks of a PNG file, one comment of a GIF file.
+    /// Metadata of the animation file, as keys and texts: `iTXt` chunks in a PNG file, one comment in a GIF file.
     pub texts: Vec<(String, String)>,
 }
 
-/// Writer of an animation that repeats for ever. The file appears, whole, when it is finished.
+/// Writer of an animation file that loops for ever. The file appears only when it is complete.
 pub struct Animation {
     path: PathBuf,
     whole: WholeFile,
@@ -67,25 +68,25 @@ pub struct Animation {
 }
 
 enum Encoder {
-    /// Writes pictures as they arrive.
+    /// Encoder of an animated PNG, which writes each frame at once.
     Png(Box<png::Writer<BufWriter<File>>>),
-    /// Keeps pictures until the colours of all are known.
+    /// Encoder of an animated GIF, which stores all frames until their common colours are chosen.
     Gif(Box<Waiting>),
 }
 
-/// Pictures of a GIF file that wait for the choice of its colours.
+/// Frames of a GIF file that wait until their common colours are chosen.
 struct Waiting {
     file: BufWriter<File>,
-    /// RGB.
+    /// Pixels of the GIF frames that wait for their common colours, 8-bit RGB.
     pixels: SpooledTempFile,
     palette: Palette,
 }
 
 impl Animation {
-    /// Begins a file, whose ending decides its format.
+    /// Begins an animation file; the file name extension selects the format.
     ///
     /// # Errors
-    /// The ending is unknown, a GIF file has no background, or the folder cannot be written to.
+    /// The extension is unknown, a GIF file was requested without a background, or the folder is not writable.
     pub fn begin(path: &Path, of: Animated) -> Result<Self> {
         let kind = extension(path, ANIMATION_EXTENSIONS)?;
         check_backdrop(path, of.backdrop)?;
@@ -102,10 +103,11 @@ impl Animation {
         Ok(Self { path: path.into(), whole, of, encoder })
     }
 
-    /// Adds the next picture, `height x width x 4` as [`write_picture`](super::picture::write_picture) takes it.
+    /// Adds the next frame of the animation: `height x width x 4`, in the form that
+    /// [`write_picture`](super::picture::write_picture) takes.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// Writing to the disk fails.
     pub fn add(&mut self, picture: &Array3<f32>) -> Result<()> {
         let fail = |e: &dyn std::fmt::Display| failed(&self.path, e);
         let pixels = codes(picture, self.of.backdrop);
@@ -119,10 +121,10 @@ impl Animation {
         Ok(())
     }
 
-    /// Gives the file its name.
+    /// Completes the animation file, which appears under its name.
     ///
     /// # Errors
-    /// Pictures are missing, or the disk refuses.
+    /// Frames are missing, or writing to the disk fails.
     pub fn finish(self) -> Result<()> {
         let Self { path, whole, of, encoder } = self;
         match encoder {
@@ -143,30 +145,31 @@ fn png_writer(
 ) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
     let mut encoder = png_encoder(file, of.size, color_type(of.backdrop), &of.texts)?;
     encoder.set_animated(of.frames, 0)?;
-    // The rate is exact to 0.01 pictures a second. Each picture replaces the one before, including alpha.
+    // The frame rate is exact to 0.01 per second. Each frame replaces the previous one, including alpha.
     encoder.set_frame_delay(100, (100.0 * of.fps).round() as u16)?;
     encoder.set_blend_op(png::BlendOp::Source)?;
     encoder.validate_sequence(true);
     encoder.write_header()
 }
 
-/// Palette of a GIF file, shared by all pictures: palettes of each picture would flicker.
+/// Colour palette of a GIF file, shared by all frames, since a palette for each frame would flicker.
 struct Palette {
-    /// Distance of the sampled pixels.
+    /// Distance between the pixels that are sampled for the palette of a GIF file, in pixels.
     stride: usize,
-    /// Pixels of the next picture before its first sample.
+    /// Number of pixels of the next GIF frame before the first one that is sampled for the palette.
     next: usize,
-    /// Sampled pixels, RGBA.
+    /// Sampled pixels from which the palette of a GIF file is chosen, RGBA.
     sample: Vec<u8>,
-    /// Places of known colours. Before [`Self::choose`] these are all colours, until there are more than [`COLORS`].
+    /// Palette index of each known colour of a GIF file. Before [`Self::choose`] the keys are all colours found,
+    /// until there are more than [`COLORS`].
     places: HashMap<[u8; 3], u8>,
-    /// Finds the nearest colour, unless `places` holds every colour.
+    /// Neural network that finds the nearest palette colour of a GIF file; `None` if `places` contains every colour.
     net: Option<NeuQuant>,
 }
 
 impl Palette {
     fn with_stride(pixels: usize) -> Self {
-        // An odd stride visits all columns of pictures of usual widths.
+        // An odd stride samples all columns of frames with usual widths.
         Self { stride: pixels | 1, next: 0, sample: Vec::new(), places: HashMap::new(), net: None }
     }
 
@@ -176,7 +179,7 @@ impl Palette {
         self.next += sampled.len() * self.stride;
         self.sample.extend(sampled.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]));
         self.next -= colors.len();
-        // Pictures have long runs of one colour.
+        // Frames have long runs of one colour.
         for run in colors.chunk_by(|a, b| a == b) {
             if self.places.len() > COLORS {
                 break;
@@ -185,7 +188,7 @@ impl Palette {
         }
     }
 
-    /// Chooses the colours, RGB.
+    /// Chooses the palette colours of a GIF file and returns them, RGB.
     fn choose(&mut self) -> Vec<u8> {
         let mut colors: Vec<_> = std::mem::take(&mut self.places).into_keys().collect();
         if colors.len() > COLORS {
@@ -203,10 +206,10 @@ impl Palette {
     }
 }
 
-/// Writes the pictures without dithering, which would move from picture to picture and triple the file.
+/// Writes all frames of a GIF file, without dithering, which would flicker between frames and triple the file size.
 fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> {
     let Waiting { file, pixels: mut spooled, mut palette } = waiting;
-    // No picture is wider than 16,384 pixels, which is less than a GIF file can say.
+    // Frames are at most 16,384 pixels wide, which fits the 16-bit size of a GIF file.
     let [width, height] = of.size.map(|side| side as u16);
     let mut encoder = gif::Encoder::new(file, width, height, &palette.choose())?;
     encoder.set_repeat(Repeat::Infinite)?;
@@ -228,7 +231,7 @@ fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> 
     Ok(())
 }
 
-/// Duration of a picture of a GIF file in 0.01 s, rounded so that rounding errors do not accumulate.
+/// Duration of one frame of a GIF file in units of 0.01 s; the sum over all frames has no accumulated rounding error.
 fn delay_hundredths(frame: u32, fps: f64) -> u16 {
     let at = |frame: u32| (100.0 * f64::from(frame) / fps).round();
     (at(frame + 1) - at(frame)) as u16
@@ -279,7 +282,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
-    /// Pictures of a GIF file, RGB, and their durations.
+    /// Decoded frames of a GIF file, RGB, and their durations.
     fn decoded(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);

@@ -1,19 +1,19 @@
-//! Numbers of binary headers.
+//! Reads numbers at byte offsets of binary file headers.
 
-/// Bytes of a file whose numbers have one byte order.
+/// Bytes of a binary file header and the byte order of its numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct BinaryFields<'a> {
-    /// Bytes of the file.
+    /// Bytes of the binary file header.
     pub bytes: &'a [u8],
-    /// Whether the most significant byte of a number comes first.
+    /// Whether numbers of the file header are big-endian.
     pub big_endian: bool,
 }
 
 impl BinaryFields<'_> {
-    /// Bytes of the number at a position, in little-endian order.
+    /// Returns the bytes of the number at a byte offset of the file header, in little-endian order.
     ///
     /// # Panics
-    /// There are fewer bytes.
+    /// The number extends beyond the end of the bytes.
     pub fn little_endian<const N: usize>(self, at: usize) -> [u8; N] {
         let mut word = [0; N];
         word.copy_from_slice(&self.bytes[at..at + N]);
@@ -23,27 +23,27 @@ impl BinaryFields<'_> {
         word
     }
 
-    /// 16-bit integer at a position.
+    /// Reads the signed 16-bit integer at a byte offset of the file header.
     pub fn short(self, at: usize) -> i16 {
         i16::from_le_bytes(self.little_endian(at))
     }
 
-    /// 32-bit integer at a position.
+    /// Reads the signed 32-bit integer at a byte offset of the file header.
     pub fn integer(self, at: usize) -> i32 {
         i32::from_le_bytes(self.little_endian(at))
     }
 
-    /// 64-bit integer at a position.
+    /// Reads the signed 64-bit integer at a byte offset of the file header.
     pub fn long(self, at: usize) -> i64 {
         i64::from_le_bytes(self.little_endian(at))
     }
 
-    /// Successive 32-bit floats.
+    /// Reads consecutive 32-bit floats that start at a byte offset of the file header.
     pub fn floats<const N: usize>(self, at: usize) -> [f64; N] {
         std::array::from_fn(|i| f32::from_le_bytes(self.little_endian(at + 4 * i)).into())
     }
 
-    /// Successive 64-bit floats.
+    /// Reads consecutive 64-bit floats that start at a byte offset of the file header.
     pub fn doubles<const N: usize>(self, at: usize) -> [f64; N] {
         std::array::from_fn(|i| f64::from_le_bytes(self.little_endian(at + 8 * i)))
     }

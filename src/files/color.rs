@@ -1,25 +1,25 @@
 //! Conversion between sRGB and linear RGB. The program computes in linear RGB; files, flags and PNGs use sRGB.
 
-/// Linear light of an sRGB-encoded value in `[0, 1]` (IEC 61966-2-1).
+/// Converts an sRGB-encoded value in `[0, 1]` to linear light (IEC 61966-2-1).
 pub fn linear_from_srgb(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// sRGB encoding of linear light, clamped to `[0, 1]`.
+/// Converts linear light to an sRGB-encoded value, clamped to `[0, 1]`.
 pub fn srgb_from_linear(linear: f64) -> f64 {
     let x = linear.clamp(0.0, 1.0);
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The 8-bit sRGB code nearest to linear light; NaN gives 0.
+/// Converts linear light to the nearest 8-bit sRGB value; NaN gives 0.
 pub fn srgb8_from_linear(linear: f64) -> u8 {
     (srgb_from_linear(linear) * 255.0).round() as u8
 }
 
-/// Linear RGB of `#rrggbb`.
+/// Converts an sRGB colour in the form `#rrggbb` to linear RGB.
 ///
 /// # Errors
-/// The text has another form.
+/// The text does not have the form `#rrggbb`.
 pub fn parse_hex(text: &str) -> Result<[f64; 3], String> {
     let refuse = || format!("`{text}` is not a colour of the form #rrggbb");
     let digits = text.strip_prefix('#').ok_or_else(refuse)?;
@@ -30,7 +30,7 @@ pub fn parse_hex(text: &str) -> Result<[f64; 3], String> {
     Ok([16, 8, 0].map(|shift| linear_from_srgb(f64::from(rgb >> shift & 0xff) / 255.0)))
 }
 
-/// `#rrggbb` of linear RGB; the inverse of [`parse_hex`].
+/// Converts a linear RGB colour to sRGB in the form `#rrggbb`; the inverse of [`parse_hex`].
 pub fn to_hex(linear: [f64; 3]) -> String {
     let [r, g, b] = linear.map(srgb8_from_linear);
     format!("#{r:02x}{g:02x}{b:02x}")

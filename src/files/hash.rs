@@ -1,4 +1,4 @@
-//! SHA-256 of input files, recorded beside results.
+//! Computes SHA-256 checksums of input files, which are recorded with the results.
 
 use crate::error::{Error, Result};
 use sha2::{Digest, Sha256};
@@ -6,10 +6,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes read at once.
+/// Number of bytes read at once when a file's checksum is computed.
 const PIECE: usize = 1 << 20;
 
-/// SHA-256 of the concatenated contents of files, in hexadecimal.
+/// Returns the SHA-256 checksum of the concatenated contents of files, in hexadecimal.
 ///
 /// # Errors
 /// A file cannot be read.
@@ -29,7 +29,7 @@ pub fn sha256_of_files<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<
     Ok(hex(&hasher.finalize()))
 }
 
-/// SHA-256 of bytes, in hexadecimal.
+/// Returns the SHA-256 checksum of bytes in memory, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }

@@ -1,23 +1,24 @@
-//! Small text files, and the mark of the coordinate system that several formats share.
+//! Reads small text files, and detects the LPS coordinate-system mark of mesh and volume files.
 
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Largest text file that is read; it also bounds endless device files.
+/// Largest size of a text file that is read, bytes; it also stops the reading of endless device files.
 const MAX_TEXT_BYTES: u64 = 256 << 20;
 
-/// Bytes at the beginning of a file that are searched for the mark of its coordinate system.
+/// Number of bytes at the beginning of a file that are searched for the coordinate-system mark `SPACE=LPS`.
 const SPACE_WITHIN: usize = 4096;
 
-/// Whether the beginning of a file contains `SPACE=LPS`, 3D Slicer's mark for x to the left and y to the back.
+/// Returns whether the beginning of a file contains `SPACE=LPS`, 3D Slicer's mark for coordinates with x to the left
+/// and y to the back.
 pub fn says_lps(beginning: &[u8]) -> bool {
     const MARK: &[u8] = b"SPACE=LPS";
     beginning[..beginning.len().min(SPACE_WITHIN)].windows(MARK.len()).any(|bytes| bytes == MARK)
 }
 
-/// Reads a UTF-8 text file; `what` begins the error line, e.g. `cannot read scene file`.
+/// Reads a UTF-8 text file; `what` is the beginning of the error message, e.g. `cannot read scene file`.
 ///
 /// # Errors
 /// The file cannot be read, is not UTF-8 or is larger than 256 MiB.

@@ -1,7 +1,7 @@
-//! Progress and cancellation of the reading of a volume.
+//! Reports the progress of reading a volume, and cancels the reading on request.
 //!
-//! The thread that waits shares a [`Loading`] with the readers. They report what they do and how much of it is done, and check
-//! now and then whether the reading was cancelled. A cancelled reading returns an error soon.
+//! The waiting thread shares a [`Loading`] with the readers. They report their stage and the finished fraction, and
+//! regularly check whether the reading was cancelled. A cancelled reading soon returns an error.
 
 use super::memory_budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -9,33 +9,33 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Stages of a reading, in the order in which they happen.
+/// Stage of reading a volume, in the order in which the stages happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReadingStage {
-    /// Strands are read from their file, or generated.
+    /// Stage that reads strands (curves such as hair or fibres) from their file, or generates them.
     ReadingStrands,
-    /// A file is read.
+    /// Stage that reads an uncompressed volume file.
     #[default]
     Reading,
-    /// A compressed file is read.
+    /// Stage that reads and decompresses a compressed volume file.
     Unpacking,
-    /// A built-in volume is computed.
+    /// Stage that computes a built-in volume (phantom).
     Building,
-    /// Strands become voxels.
+    /// Stage that converts strands to voxels.
     Voxelising,
-    /// The range of the values is found.
+    /// Stage that finds the range of the voxel values.
     Checking,
-    /// The histogram is made.
+    /// Stage that computes the histogram of the voxel values.
     Counting,
 }
 
 impl ReadingStage {
-    /// Name shown to the user.
+    /// Name of a stage of reading a volume, shown to the user.
     pub fn name(self) -> &'static str {
         self.name_and_span().0
     }
 
-    /// Name, and the shares of the whole reading at which the stage begins and ends.
+    /// Name of a stage of reading a volume, and its start and end as fractions of the whole reading.
     fn name_and_span(self) -> (&'static str, [f64; 2]) {
         match self {
             Self::ReadingStrands => ("reading strands", [0.0, 0.25]),
@@ -49,16 +49,17 @@ impl ReadingStage {
     }
 }
 
-/// Progress of a reading.
+/// Progress of reading a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ReadingProgress {
-    /// Present stage.
+    /// Current stage of reading the volume.
     pub stage: ReadingStage,
-    /// Share of the whole, 0 to 1; it never falls. [`crate::volume::Histogram::of_with`] is the last part.
+    /// Finished fraction of reading a volume, 0 to 1; it never decreases. [`crate::volume::Histogram::of_with`] is
+    /// the last part.
     pub share: f64,
 }
 
-/// Reading that another thread can watch and cancel.
+/// Handle to the reading of a volume, with which another thread can watch and cancel it.
 #[derive(Debug, Default)]
 pub struct Loading {
     state: Mutex<State>,
@@ -72,32 +73,32 @@ struct State {
     reduced: Option<Reduced>,
 }
 
-/// Reduction that a reader has applied to its voxels.
+/// Downsampling that a reader has applied to the voxels of a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reduced {
-    /// Voxels along each axis before.
+    /// Number of voxels along x, y and z before downsampling.
     pub from: [usize; 3],
-    /// Voxels of a block along each axis that became one.
+    /// Downsampling factors along x, y and z: voxels of a block that became one voxel.
     pub factors: [usize; 3],
 }
 
 impl Loading {
-    /// Progress so far.
+    /// Returns the current progress of reading the volume.
     pub fn progress(&self) -> ReadingProgress {
         self.lock().progress
     }
 
-    /// Ends the reading soon; it then returns an error.
+    /// Requests cancellation of the reading, which then soon returns an error.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the reading was cancelled.
+    /// Returns whether the reading of the volume was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Refuses to continue after a cancellation; `source` is the file or name for the message.
+    /// Returns an error if the reading of the volume was cancelled; `source` is the file or name for the message.
     ///
     /// # Errors
     /// The reading was cancelled.
@@ -108,16 +109,17 @@ impl Loading {
         }
     }
 
-    /// Sets the budget for readers that can reduce voxels as they arrive; `None` keeps all voxels.
+    /// Sets the memory budget for readers that can downsample voxels while they read; `None` keeps all voxels.
     pub fn reduce_to(&self, budget: Option<MemoryBudget>) {
         let mut state = self.lock();
         (state.budget, state.reduced) = (budget, None);
     }
 
-    /// Factors by which the calling reader must reduce a grid while it reads; `None` keeps all voxels.
+    /// Returns the factors by which the calling reader must downsample a volume while it reads; `None` keeps all
+    /// voxels.
     ///
     /// # Errors
-    /// No factors make the grid fit the budget.
+    /// No factors make the volume fit the memory budget.
     pub fn factors_for(&self, dims: [usize; 3], voxel_bytes: u64) -> Result<Option<[usize; 3]>, String> {
         let mut state = self.lock();
         let factors = state.budget.map(|budget| budget.factors(dims, voxel_bytes)).transpose()?;
@@ -125,25 +127,26 @@ impl Loading {
         Ok(factors)
     }
 
-    /// Takes the reduction that a reader has applied, if any; the next call returns `None`.
+    /// Returns the downsampling that a reader has applied, if any, and clears it; the next call returns `None`.
     pub fn take_reduced(&self) -> Option<Reduced> {
         self.lock().reduced.take()
     }
 
-    /// Begins a stage.
+    /// Begins a stage of reading the volume.
     pub fn begin(&self, stage: ReadingStage) {
         let progress = &mut self.lock().progress;
         progress.stage = stage;
         progress.share = progress.share.max(stage.name_and_span().1[0]);
     }
 
-    /// Begins a stage of `total` equal pieces, which several threads may do.
+    /// Begins a stage of reading a volume that consists of `total` equal pieces of work, which several threads may
+    /// do.
     pub fn pieces(&self, stage: ReadingStage, total: usize) -> Pieces<'_> {
         self.begin(stage);
         Pieces { loading: self, total: total as u64, done: AtomicU64::new(0) }
     }
 
-    /// Reports the share of the present stage that is done.
+    /// Reports the finished fraction of the current stage of reading a volume.
     fn note(&self, share: f64) {
         let progress = &mut self.lock().progress;
         let [from, to] = progress.stage.name_and_span().1;
@@ -156,7 +159,7 @@ impl Loading {
     }
 }
 
-/// Equal pieces of a stage.
+/// Progress counter for a stage of reading a volume that consists of equal pieces of work.
 #[derive(Debug)]
 pub struct Pieces<'a> {
     loading: &'a Loading,
@@ -165,19 +168,19 @@ pub struct Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    /// Counts one more piece as done.
+    /// Counts one more piece of work as done, in the current stage of reading a volume.
     pub fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.loading.note(done as f64 / self.total.max(1) as f64);
     }
 
-    /// Whether the reading was cancelled.
+    /// Returns whether the reading of the volume was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.loading.is_cancelled()
     }
 }
 
-/// Reader that reports its position as progress, and fails once the reading was cancelled.
+/// Wrapper of an input stream that reports its position as reading progress, and fails after a cancellation.
 #[derive(Debug)]
 pub struct Watched<'a, R> {
     input: R,
@@ -187,17 +190,17 @@ pub struct Watched<'a, R> {
 }
 
 impl<'a, R> Watched<'a, R> {
-    /// Watches an input that is read up to byte `end`.
+    /// Wraps an input stream that is read up to byte `end`, to report progress and allow cancellation.
     pub fn new(input: R, end: u64, loading: &'a Loading) -> Self {
         Self { input, loading, at: 0, end }
     }
 
-    /// The reading to which progress is reported.
+    /// Returns the [`Loading`] to which this input stream reports its progress.
     pub fn loading(&self) -> &'a Loading {
         self.loading
     }
 
-    /// Changes the byte up to which the input is read.
+    /// Changes the byte position that counts as the end of the input stream in its progress report.
     pub fn ends_at(&mut self, end: u64) {
         self.end = end;
     }

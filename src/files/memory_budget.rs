@@ -1,36 +1,36 @@
-//! Memory budget for voxels: the host's free memory, and the factors by which a volume is reduced to fit a budget.
+//! Memory budget for the voxels of a volume: free host memory, and downsampling factors that make a volume fit.
 
 use std::path::Path;
 
-/// Limits that the voxels of a volume must meet.
+/// Memory and texture limits for the voxels of a volume.
 #[derive(Debug, Clone, Copy)]
 pub struct MemoryBudget {
-    /// Reduction factors along x, y and z that the user chose; the limits are then not checked.
+    /// Downsampling factors along x, y and z that the user chose. If set, the limits do not apply.
     pub fixed: Option<[usize; 3]>,
-    /// Largest number of bytes for the voxels and what is kept beside them.
+    /// Largest number of bytes for the voxels and the data stored for each of them.
     pub most_bytes: u64,
-    /// Bytes of host memory per voxel, in addition to the stored value.
+    /// Bytes of host memory per voxel, in addition to the voxel value itself.
     pub bytes_beside: u64,
-    /// Largest side of a 3-D texture, the second argument of `fits_texture`.
+    /// Largest side of a 3-D texture, in texels; the second argument of `fits_texture`.
     pub texture_side: usize,
-    /// Whether a grid of these dimensions fits a 3-D texture of this side.
+    /// Function that returns whether a volume with given dimensions fits 3-D textures with a given largest side.
     pub fits_texture: fn([usize; 3], usize) -> bool,
 }
 
-/// Largest reduction factor that is tried.
+/// Largest downsampling factor along one axis that is tried.
 const MOST_FACTOR: usize = 64;
 
-/// Dimensions of a grid after a reduction; incomplete blocks at the end count.
+/// Dimensions of a volume after downsampling; an incomplete block at the end of an axis becomes one voxel.
 pub fn reduced_dims(dims: [usize; 3], factors: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|a| dims[a].div_ceil(factors[a].max(1)))
 }
 
 impl MemoryBudget {
-    /// Reduction factors that make a grid fit: the smallest largest factor, then the smallest block, then the shortest
-    /// longest axis. No axis is therefore reduced far more than the others.
+    /// Returns downsampling factors that make a volume fit the memory budget. It minimises the largest factor, then
+    /// the product of the factors, then the longest side. Therefore no axis is reduced far more than the others.
     ///
     /// # Errors
-    /// No factors make the grid fit.
+    /// No factors make the volume fit the memory budget.
     pub fn factors(&self, dims: [usize; 3], voxel_bytes: u64) -> Result<[usize; 3], String> {
         if let Some(fixed) = self.fixed {
             return Ok(std::array::from_fn(|a| fixed[a].clamp(1, dims[a].max(1))));
@@ -63,11 +63,11 @@ fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
     dims.iter().try_fold(voxel_bytes, |bytes, n| bytes.checked_mul(*n as u64))
 }
 
-/// Share of the free memory that voxels may take; the rest is for structures that are built from them.
+/// Fraction of free host memory that voxels may use; the rest is for data structures built from them.
 const SHARE: f64 = 0.8;
 
-/// Free memory of this process in bytes: of the machine, or of the control groups that limit it. `None` where the system does
-/// not report it (only Linux is asked).
+/// Free memory of this process in bytes, limited by the machine and by Linux control groups. Returns `None` where the
+/// system does not report it (only Linux is supported).
 pub fn free_bytes() -> Option<u64> {
     let free = memory_info("MemAvailable:")?;
     let membership = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
@@ -75,10 +75,11 @@ pub fn free_bytes() -> Option<u64> {
     Some(in_group.map_or(free, |bytes| bytes.min(free)))
 }
 
-/// Memory that the control groups of a process leave free: the least over its own group and all groups above it.
+/// Free memory under the Linux control groups of a process, bytes: the minimum over its own group and all parent
+/// groups.
 ///
-/// `membership` is the text of `/proc/self/cgroup`, `root` the folder where the groups are mounted. Cached file pages that
-/// the kernel can drop count as free.
+/// `membership` is the text of `/proc/self/cgroup`, `root` the folder where the groups are mounted. Cached file
+/// pages that the kernel can drop count as free.
 fn group_free_bytes(root: &Path, membership: &str) -> Option<u64> {
     let groups = membership.lines().filter_map(|line| {
         // Version 2 writes `0::/GROUP`, version 1 `NUMBER:CONTROLLERS:/GROUP`.
@@ -100,7 +101,7 @@ fn group_free_bytes(root: &Path, membership: &str) -> Option<u64> {
     groups.min()
 }
 
-/// Free memory of one control group; `None` where it has no limit.
+/// Free memory of one Linux control group, bytes; `None` if the group has no limit.
 fn free_of_group(folder: &Path, [limit, usage, dropped]: [&str; 3]) -> Option<u64> {
     let number = |file: &str| std::fs::read_to_string(folder.join(file)).ok()?.trim().parse::<u64>().ok();
     let (limit, usage) = (number(limit)?, number(usage)?);
@@ -108,7 +109,7 @@ fn free_of_group(folder: &Path, [limit, usage, dropped]: [&str; 3]) -> Option<u6
     Some(limit.saturating_sub(usage.saturating_sub(dropped)))
 }
 
-/// Memory of the machine in bytes; `None` where the system does not report it.
+/// Total memory of the machine in bytes; `None` where the system does not report it.
 pub fn host_bytes() -> Option<u64> {
     memory_info("MemTotal:")
 }
@@ -117,17 +118,18 @@ fn memory_info(name: &str) -> Option<u64> {
     number_after(Path::new("/proc/meminfo"), name)?.checked_mul(1 << 10)
 }
 
-/// Number behind a name at the start of a line of a file.
+/// Number that follows a name at the start of a line, in a text file such as `/proc/meminfo`.
 fn number_after(path: &Path, name: &str) -> Option<u64> {
     let text = std::fs::read_to_string(path).ok()?;
     let rest = text.lines().find_map(|line| line.strip_prefix(name))?;
     rest.split_whitespace().next()?.parse().ok()
 }
 
-/// Refuses voxels for which the host has too little memory; `None` stands for more bytes than can be counted.
+/// Returns an error if voxels of `bytes` bytes in total do not fit the free host memory. `None` means that the number
+/// of bytes overflows 64 bits.
 ///
 /// # Errors
-/// The memory that they need and the free memory.
+/// The message states the needed and the free memory.
 pub fn refuse_beyond_host(bytes: Option<u64>) -> Result<(), String> {
     refuse_beyond(bytes, free_bytes())
 }
@@ -145,10 +147,10 @@ fn refuse_beyond(bytes: Option<u64>, free: Option<u64>) -> Result<(), String> {
     }
 }
 
-/// Refuses a grid for which the host has too little memory.
+/// Returns an error if a voxel grid of these dimensions does not fit the free host memory.
 ///
 /// # Errors
-/// The memory that it needs and the free memory.
+/// The message states the needed and the free memory.
 pub fn check_grid(dims: [usize; 3], voxel_bytes: u64) -> Result<(), String> {
     refuse_beyond_host(grid_bytes(dims, voxel_bytes))
 }

@@ -1,5 +1,5 @@
-//! Reading and writing of files, shared by all modules: text, progress of long readings, outputs that appear whole or not at
-//! all, pictures and animations, checksums, sRGB, memory budgets, binary headers, and the common parts of VTK's XML files.
+//! File input and output that all modules share: text, images and animations, checksums, sRGB, memory budgets, binary
+//! headers, VTK XML, progress of long readings, and files that appear only when they are complete.
 
 pub mod animation;
 pub mod binary;

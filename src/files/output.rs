@@ -1,4 +1,4 @@
-//! Output files that appear whole or not at all, and checks of output paths before the work.
+//! Writes output files that appear only when they are complete, and validates output paths before any work starts.
 
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
@@ -11,7 +11,7 @@ use tempfile::{Builder, NamedTempFile, SpooledTempFile};
 const WHAT: &str = "cannot write file";
 const WHAT_FOLDER: &str = "cannot write to folder";
 
-/// Temporary files of outputs that are being written.
+/// Paths of the temporary files of all unfinished outputs.
 static BEGUN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn begun() -> MutexGuard<'static, BTreeSet<PathBuf>> {
@@ -22,21 +22,22 @@ fn failed(path: &Path, why: impl ToString) -> Error {
     Error::runtime(WHAT, path.display(), why)
 }
 
-/// Removes all unfinished outputs and ends the program with `end`. The lock keeps other threads from beginning or finishing a
-/// file meanwhile.
+/// Removes the temporary files of all unfinished outputs and ends the program with `end`. A lock prevents other
+/// threads from beginning or finishing a file meanwhile.
 pub fn abandon_and(end: fn() -> !) -> ! {
     let begun = begun();
     for file in begun.iter() {
-        // A missing file is what is wanted.
+        // A missing file is the desired result.
         let _ = std::fs::remove_file(file);
     }
     end()
 }
 
-/// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
+/// Writes a file that appears only when it is complete: into a temporary file in the same folder, which is then
+/// renamed.
 ///
 /// # Errors
-/// `write` fails, or the folder or disk refuses.
+/// `write` fails, the folder is not writable, or writing to the disk fails.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let (whole, file) = WholeFile::begin(path)?;
     let mut buffered = BufWriter::new(file);
@@ -45,7 +46,7 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result
     whole.finish()
 }
 
-/// File that is written over a while and appears when it is finished; dropped before, it leaves nothing.
+/// Output file that is written in steps and appears when it is finished; if it is dropped before, no file remains.
 pub struct WholeFile {
     temporary: NamedTempFile,
     listed: BegunEntry,
@@ -53,10 +54,10 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Begins a file. Its contents go to the returned file, which must be flushed before [`Self::finish`].
+    /// Begins an output file. The caller writes to the returned file and must flush it before [`Self::finish`].
     ///
     /// # Errors
-    /// The folder cannot be written to.
+    /// The folder is not writable.
     pub fn begin(path: &Path) -> Result<(Self, File)> {
         let mut begun = begun();
         let temporary = temporary_in(&folder_of(path)).map_err(|e| failed(path, e))?;
@@ -66,14 +67,14 @@ impl WholeFile {
         Ok((Self { temporary, listed, path: path.into() }, file))
     }
 
-    /// Gives the file its name.
+    /// Completes the output file: renames the temporary file to its final name.
     ///
     /// # Errors
-    /// The disk or the folder refuses.
+    /// Writing to the disk or renaming the file fails.
     pub fn finish(self) -> Result<()> {
         let Self { temporary, listed, path } = self;
         temporary.as_file().sync_all().map_err(|e| failed(&path, e))?;
-        // Not while `abandon_and` ends the program.
+        // Waits for the lock, so that no file is renamed while `abandon_and` ends the program.
         let begun = begun();
         let named = temporary.persist(&path).map_err(|e| failed(&path, e.error));
         drop(begun);
@@ -82,7 +83,7 @@ impl WholeFile {
     }
 }
 
-/// Entry of [`BEGUN`] that is removed on drop.
+/// Entry of a temporary file in the list of unfinished outputs; it is removed on drop.
 struct BegunEntry(PathBuf);
 
 impl Drop for BegunEntry {
@@ -91,16 +92,16 @@ impl Drop for BegunEntry {
     }
 }
 
-/// Buffer in memory that moves to a nameless file in the output's folder beyond this many bytes.
+/// Creates a memory buffer that moves to a temporary file in the output's folder above `memory_bytes` bytes.
 pub(super) fn spool_beside(path: &Path, memory_bytes: usize) -> SpooledTempFile {
     tempfile::spooled_tempfile_in(memory_bytes, folder_of(path))
 }
 
-/// Refuses an output file before any work is done for it: an ending that is not among `extensions`, a folder that
-/// is missing or cannot be written to, a name that is a folder.
+/// Validates the path of an output file before any work starts. The extension must be one of `extensions`, the folder
+/// must exist and be writable, and the path must not be a folder.
 ///
 /// # Errors
-/// Each of these, as a fault of the command line.
+/// Input error: one of these conditions is violated.
 pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
     extension(path, extensions)?;
@@ -116,10 +117,10 @@ pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an output folder whose name, or the name of a folder above it, belongs to a file. Creates nothing.
+/// Validates the path of an output folder: neither it nor a folder above it may be a file. Creates nothing.
 ///
 /// # Errors
-/// A fault of the command line.
+/// Input error: the folder cannot be used.
 pub fn check_output_dir(path: &Path) -> Result<()> {
     match path.ancestors().find(|p| p.exists()) {
         Some(file) if !file.is_dir() => {
@@ -130,10 +131,10 @@ pub fn check_output_dir(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses a folder that holds a table already, so that none is lost without notice.
+/// Returns an error if a folder already contains the table `file`, so that no table is overwritten by accident.
 ///
 /// # Errors
-/// A fault of the command line.
+/// Input error: the folder cannot be used.
 pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     if std::fs::metadata(folder.join(file)).is_ok_and(|m| m.len() > 0) {
         let why = format!("it holds {file} already");
@@ -143,10 +144,10 @@ pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Creates an output folder with the folders above it, and refuses one that cannot be written to.
+/// Creates an output folder with its parent folders, and returns an error if it is not writable.
 ///
 /// # Errors
-/// A fault of the command line.
+/// Input error: the folder cannot be used.
 pub fn prepare_output_dir(path: &Path) -> Result<()> {
     let refuse = |e: io::Error| Error::input(WHAT_FOLDER, path.display(), e);
     std::fs::create_dir_all(path).map_err(refuse)?;
@@ -154,10 +155,11 @@ pub fn prepare_output_dir(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Ending of a file name among `extensions`, ignoring case (`nii.gz` counts as one ending).
+/// Returns the extension of a file name if it is one of `extensions`, ignoring case (`nii.gz` counts as one
+/// extension).
 ///
 /// # Errors
-/// It has none of them.
+/// The file name has none of the extensions.
 pub fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends =

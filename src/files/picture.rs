@@ -1,4 +1,4 @@
-//! Picture files: PNG, OpenEXR and NPY.
+//! Writes and reads image files: PNG, OpenEXR and NPY.
 
 use super::color::srgb8_from_linear;
 use super::output::{extension, write_whole};
@@ -10,43 +10,45 @@ use png::text_metadata::{EncodableTextChunk, ITXtChunk};
 use std::io::Cursor;
 use std::path::Path;
 
-/// File-name endings that [`write_picture`] supports.
+/// File name extensions of the supported image formats.
 pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
 
-/// Background of a picture file.
+/// Background of an image or animation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Backdrop {
-    /// Background over which the picture was drawn.
+    /// Opaque image, which shows the background over which the picture was drawn.
     #[default]
     Drawn,
-    /// No background. The picture was drawn over black, so that its colours are those of the volume times opacity.
+    /// Transparent image without background. The picture was drawn over black, so its colours are premultiplied by
+    /// opacity.
     LeftOut,
 }
 
-/// Writes a picture, `height x width x 4`: linear RGB already composed over the background, and opacity
-/// `1 - T_eye`. The ending decides the format: `.png` (8-bit sRGB, opaque), `.exr` (linear, 32-bit float RGBA) or `.npy`
-/// (float32, all four channels unchanged).
+/// Writes a picture to an image file: `height x width x 4`, linear RGB composited over the background, and opacity `1
+/// - T_eye` (`T_eye`: transmittance along the eye ray). The extension selects the format: `.png` (8-bit sRGB,
+/// opaque), `.exr` (linear, 32-bit float RGBA) or `.npy` (float32, all four channels unchanged).
 ///
 /// # Errors
-/// The ending is unknown, or the file cannot be written.
+/// The file name extension is unknown, or the file cannot be written.
 ///
 /// # Panics
-/// The array does not have four channels.
+/// The picture does not have four channels.
 pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
     write_picture_with(path, picture, Backdrop::Drawn, &[])
 }
 
-/// Writes a picture with a choice of background and with texts.
+/// Writes a picture to an image file, with or without background, and with text metadata.
 ///
-/// Without a background a `.png` is RGBA with straight (unassociated) alpha, as its standard demands; the colours of an `.exr`
-/// or `.npy` are multiplied by (associated with) the opacity, as OpenEXR's convention demands. Each text has a key. A `.png` keeps them in
-/// `iTXt` chunks, an `.exr` in its attribute `comments`; an `.npy` keeps none.
+/// Without a background, a `.png` is RGBA with straight (unassociated) alpha, as the PNG standard demands. The
+/// colours of an `.exr` or `.npy` are premultiplied by (associated with) the opacity, as OpenEXR's convention
+/// demands. Each metadata text has a key. A `.png` stores them in `iTXt` chunks, an `.exr` in its attribute
+/// `comments`; an `.npy` stores none.
 ///
 /// # Errors
-/// The ending is unknown, or the file cannot be written.
+/// The file name extension is unknown, or the file cannot be written.
 ///
 /// # Panics
-/// The array does not have four channels.
+/// The picture does not have four channels.
 pub fn write_picture_with(
     path: &Path,
     picture: &Array3<f32>,
@@ -54,7 +56,7 @@ pub fn write_picture_with(
     texts: &[(String, String)],
 ) -> Result<()> {
     assert_eq!(picture.dim().2, 4, "a picture is height x width x 4");
-    // The codecs seek, so pictures are encoded in memory.
+    // The encoders need a seekable output, so pictures are encoded in memory.
     let mut bytes = Vec::new();
     let encoded = match extension(path, PICTURE_EXTENSIONS)? {
         "png" => {
@@ -70,7 +72,7 @@ pub fn write_picture_with(
 
 const WHAT: &str = "cannot encode picture";
 
-/// Encodes an OpenEXR file of 32-bit float RGBA, with texts (UTF-8) after their keys in its attribute `comments`.
+/// Encodes a picture as an OpenEXR file, 32-bit float RGBA, with text metadata (UTF-8) in the attribute `comments`.
 fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -> Result<(), String> {
     let (height, width, _) = picture.dim();
     let pixel = |at: Vec2<usize>| {
@@ -78,22 +80,22 @@ fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -
         (channel(0), channel(1), channel(2), channel(3))
     };
     let mut image = Image::from_channels((width, height), SpecificChannels::rgba(pixel));
-    // One attribute for all keys: the library writes several in any order, and equal pictures must be equal files.
+    // One attribute for all keys: the library writes several in any order, but equal pictures must give equal files.
     image.layer_data.attributes.comments =
         joined(texts).map(|lines| Text::from_slice_unchecked(lines.as_bytes()));
     image.write().to_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())
 }
 
-/// Texts after their keys in one text, if there are any.
+/// Joins the text metadata of an image file to one text of lines `key: text`; `None` if there is none.
 pub(super) fn joined(texts: &[(String, String)]) -> Option<String> {
     let lines: Vec<String> = texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
     (!lines.is_empty()).then(|| lines.join("\n"))
 }
 
-/// Reads an `.exr` that [`write_picture`] has written; every bit is the same.
+/// Reads an `.exr` image file that [`write_picture`] has written; every value is bit-identical.
 ///
 /// # Errors
-/// The file cannot be read, or is no such picture.
+/// The file cannot be read, or is not an OpenEXR image.
 pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
     let fail = |why: String| Error::input("cannot read picture", path.display(), why);
     let mut reader = image::ImageReader::open(path).map_err(|e| fail(e.to_string()))?;
@@ -103,7 +105,7 @@ pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
     Array3::from_shape_vec(shape, picture.into_raw()).map_err(|e| fail(e.to_string()))
 }
 
-/// Encodes a picture as a PNG file: 8-bit sRGB, opaque.
+/// Encodes a picture as the bytes of a PNG file: 8-bit sRGB, opaque.
 ///
 /// # Errors
 /// The encoder fails.
@@ -116,7 +118,7 @@ fn png(picture: &Array3<f32>, backdrop: Backdrop, texts: &[(String, String)]) ->
     encode_png(&codes(picture, backdrop), [width as u32, height as u32], color_type(backdrop), texts)
 }
 
-/// Colour type of a PNG file.
+/// PNG colour type of an image: RGB with background, RGBA without.
 pub(super) fn color_type(backdrop: Backdrop) -> png::ColorType {
     match backdrop {
         Backdrop::Drawn => png::ColorType::Rgb,
@@ -124,7 +126,7 @@ pub(super) fn color_type(backdrop: Backdrop) -> png::ColorType {
     }
 }
 
-/// Pixels of a picture with 8 bits a channel: sRGB, and alpha where there is no background.
+/// Converts a linear RGBA picture to 8-bit sRGB pixels, with an alpha channel if it has no background.
 pub(super) fn codes(picture: &Array3<f32>, backdrop: Backdrop) -> Vec<u8> {
     let pixels = picture.rows().into_iter().map(|p| [0, 1, 2, 3].map(|c| f64::from(p[c])));
     let opaque = |[r, g, b, _]: [f64; 4]| [r, g, b].map(srgb8_from_linear);
@@ -134,7 +136,7 @@ pub(super) fn codes(picture: &Array3<f32>, backdrop: Backdrop) -> Vec<u8> {
     }
 }
 
-/// Encodes 8-bit pixels as a PNG file with texts.
+/// Encodes 8-bit pixels as the bytes of a PNG file with text metadata.
 fn encode_png(
     codes: &[u8],
     [width, height]: [u32; 2],
@@ -151,7 +153,7 @@ fn encode_png(
     Ok(bytes)
 }
 
-/// PNG encoder for 8 bits a channel, with texts.
+/// Creates a PNG encoder for 8 bits per channel, with text metadata.
 pub(super) fn png_encoder<W: std::io::Write>(
     output: W,
     [width, height]: [u32; 2],
@@ -167,13 +169,13 @@ pub(super) fn png_encoder<W: std::io::Write>(
     Ok(encoder)
 }
 
-/// Bytes of the signature and the first chunk of a PNG file, behind which texts may stand.
+/// Length in bytes of the PNG signature and header chunk, after which text chunks are inserted.
 const PNG_HEADER: usize = 33;
 
-/// Adds texts to a PNG file.
+/// Inserts text metadata into an encoded PNG file, as `iTXt` chunks.
 ///
 /// # Errors
-/// The file is no PNG, or a key is no keyword of one.
+/// The file is too short for a PNG file, or a key is not a valid PNG keyword.
 pub fn with_texts(mut file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> {
     if file.len() < PNG_HEADER {
         return Err(Error::runtime(WHAT, "PNG", "it is cut off"));
@@ -187,7 +189,8 @@ pub fn with_texts(mut file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u
     Ok(file)
 }
 
-/// 8-bit sRGB and straight alpha of a linear colour that is multiplied by its opacity; black where the opacity is 0.
+/// Converts a linear colour that is premultiplied by its opacity to 8-bit sRGB with straight alpha; black if the
+/// opacity is 0.
 fn straight_srgb8([r, g, b, opacity]: [f64; 4]) -> [u8; 4] {
     let code = |linear: f64| if opacity > 0.0 { srgb8_from_linear(linear / opacity) } else { 0 };
     [code(r), code(g), code(b), (opacity.clamp(0.0, 1.0) * 255.0).round() as u8]

@@ -1,23 +1,23 @@
-//! XML of other programs, parsed in a time bounded by its length.
+//! Parses XML files in a time bounded by their length.
 
 use roxmltree::{Document, ParsingOptions};
 
-/// Largest size of a tag: the parser compares each attribute with all others of its tag.
+/// Largest size of an XML tag in bytes; the parser compares each attribute with all others of its tag.
 const MOST_TAG: usize = 4096;
 
-/// Reason why a text cannot be parsed, and its line.
+/// Reason why an XML text cannot be parsed, and the line of the error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct XmlError {
-    /// Line, from 1.
+    /// Line of the XML text where parsing failed, from 1.
     pub line: usize,
-    /// Reason.
+    /// Reason why the XML text cannot be parsed.
     pub why: String,
 }
 
-/// Parses a text of at most `nodes_limit` nodes, without entities.
+/// Parses an XML text of at most `nodes_limit` nodes, without a document type definition.
 ///
 /// # Errors
-/// The text is no XML, has a document type, too many nodes, or a tag that is too long.
+/// The text is not valid XML, or has a document type definition, too many nodes, or a tag that is too long.
 pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, XmlError> {
     if let Some(at) = long_tag(text.as_bytes()) {
         let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
@@ -30,7 +30,7 @@ pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, XmlError> {
     })
 }
 
-/// Start of the first tag that is too long; comments and the like are no tags.
+/// Byte offset of the first XML tag that is too long; comments, CDATA and processing instructions do not count.
 fn long_tag(bytes: &[u8]) -> Option<usize> {
     let mut at = 0;
     while let Some(found) = bytes[at..].iter().position(|byte| *byte == b'<') {

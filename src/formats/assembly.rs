@@ -1,4 +1,4 @@
-//! Assembly of a volume from blocks of voxels, such as slices or pieces.
+//! Assembles a volume from blocks of voxels, such as DICOM slices or the pieces of a VTK image.
 
 use crate::files::memory_budget::refuse_beyond_host;
 use crate::volume::Voxels;
@@ -6,22 +6,23 @@ use crate::volume::element::grid_bytes;
 use crate::with_voxels;
 use ndarray::{Array3, s};
 
-/// Voxels of a grid that blocks fill.
+/// Voxel grid that is filled block by block while a volume file is read.
 pub(super) struct Assembly {
     dims: [usize; 3],
     voxels: Option<Voxels>,
 }
 
 impl Assembly {
-    /// Grid of so many voxels.
+    /// Creates an empty voxel grid with `dims` voxels along x, y and z.
     pub(super) fn new(dims: [usize; 3]) -> Self {
         Self { dims, voxels: None }
     }
 
-    /// Stores a block whose first voxel is at `from`.
+    /// Copies a block of voxels into the voxel grid of a volume, with the first voxel of the block at index `from`.
     ///
     /// # Errors
-    /// The block is beyond the grid or of another type than the first one, or the host cannot hold the grid.
+    /// The block exceeds the grid, its element type differs from that of the first block, or the host has too little
+    /// memory for the grid.
     pub(super) fn put(&mut self, block: Voxels, from: [usize; 3]) -> Result<(), String> {
         fn zeros<T: Clone + Default>(_: &Array3<T>, [nx, ny, nz]: [usize; 3]) -> Array3<T> {
             Array3::from_elem((nz, ny, nx), T::default())
@@ -62,7 +63,7 @@ impl Assembly {
         assign_same_type!(U8, I16, U16, F32, F64)
     }
 
-    /// Returns the voxels; `None` without blocks.
+    /// Returns the voxels of the assembled volume, or `None` if no block was stored.
     pub(super) fn finish(self) -> Option<Voxels> {
         self.voxels
     }

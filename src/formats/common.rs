@@ -1,19 +1,20 @@
-//! Helpers that several readers share: error texts, frames, files beside a header, units, affines.
+//! Helpers shared by the readers of volume files: error texts, frame numbers, paths of data files, length units,
+//! affines.
 
 use crate::error::{Error, Result};
 use crate::volume::{Element, Voxels};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Component, Path, PathBuf};
 
-/// Maker of errors about a volume file.
+/// Returns a function that turns a reason into the error "cannot read volume" for a volume file.
 pub(super) fn refusal(path: &Path) -> impl Fn(String) -> Error {
     move |why| Error::input("cannot read volume", path.display(), why)
 }
 
-/// Warning for a file with several frames, of which one (from 0) is read.
+/// Returns a warning for a volume file with several frames, which says that only frame `frame` (from 0) was read.
 ///
 /// # Errors
-/// The file has fewer frames.
+/// The volume file has too few frames: `frame` is out of range.
 pub(super) fn frame_warning(path: &Path, frame: usize, frames: usize) -> Result<Option<String>> {
     if frame >= frames {
         let noun = if frames == 1 { "frame" } else { "frames" };
@@ -25,11 +26,11 @@ pub(super) fn frame_warning(path: &Path, frame: usize, frames: usize) -> Result<
     Ok((frames > 1).then(warning))
 }
 
-/// Path of a file that a header names. It must be in the header's folder or below, so that a header cannot open other files
-/// of the machine.
+/// Returns the path of a data file that a volume header names. The data file must lie in the folder of the header or
+/// below it, so that a header cannot open other files of the machine.
 ///
 /// # Errors
-/// The name leads elsewhere.
+/// The name of the data file is empty or leads out of the folder of the header.
 pub(super) fn sibling(header: &Path, name: &str) -> Result<PathBuf, String> {
     let path = Path::new(name);
     let is_inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
@@ -39,7 +40,7 @@ pub(super) fn sibling(header: &Path, name: &str) -> Result<PathBuf, String> {
     Ok(header.parent().unwrap_or(Path::new("")).join(path))
 }
 
-/// Millimetres of a unit of length.
+/// Returns the length of a unit in mm, by the name of the unit; `None` for an unknown name.
 pub(super) fn mm_of(unit: &str) -> Option<f64> {
     Some(match unit {
         "mm" | "millimeter" | "millimeters" => 1.0,
@@ -56,20 +57,20 @@ pub(super) fn mm_of(unit: &str) -> Option<f64> {
     })
 }
 
-/// Finite numbers separated by blanks.
+/// Parses finite numbers separated by white space; `None` if a word is not a finite number.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split_whitespace().map(|n| n.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
 
-/// World mm (RAS+) from index coordinates, by axis directions and an origin in mm. With `is_lps` they point left and to the
-/// back along x and y, as in DICOM and ITK.
+/// Builds the affine from voxel indices to world coordinates (RAS+, mm) from the direction of each grid axis and the
+/// origin in mm. With `is_lps` the inputs are in LPS coordinates, as in DICOM and ITK.
 pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, is_lps: bool) -> DAffine3 {
     let [x, y, z] = directions;
     let affine = DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin);
     if is_lps { DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * affine } else { affine }
 }
 
-/// Warning for 64-bit integers that `f64` rounds.
+/// Returns a warning if 64-bit integer voxels were rounded by the conversion to `f64`.
 pub(super) fn inexact_integers(voxels: &Voxels, element: Element) -> Option<String> {
     let limit = (1u64 << f64::MANTISSA_DIGITS) as f64;
     match (voxels, element) {

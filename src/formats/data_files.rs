@@ -1,4 +1,4 @@
-//! Files that hold the voxels of a text header: one, a list, or a pattern with numbers.
+//! Data files of an NRRD or MetaImage header: one file, a list of files, or a numbered file-name pattern.
 
 use super::common::{refusal, sibling};
 use super::source::{Block, Compression, Source};
@@ -12,12 +12,12 @@ use crate::volume::{ByteOrder, Voxels};
 use std::io::{self, Read, Take};
 use std::path::{Path, PathBuf};
 
-/// Largest number of files of a volume.
+/// Largest number of data files of one volume.
 const MAX_FILES: usize = 1 << 16;
-/// Largest width of a number in a pattern.
+/// Largest number of digits of the number in a file-name pattern such as `s%03d.raw`.
 const MAX_DIGITS: usize = 32;
 
-/// Encoding of voxels.
+/// Encoding of the voxels in a data file: raw bytes, deflate-compressed bytes, or text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Raw,
@@ -25,24 +25,25 @@ pub(super) enum Encoding {
     Text,
 }
 
-/// Location of the voxels of a header.
+/// Location and encoding of the voxels that an NRRD or MetaImage header describes.
 pub(super) struct DataFiles {
-    /// One file, or several with equal shares of the voxels.
+    /// Paths of the files that hold the voxels of a volume: one file, or several with equal shares of the voxels.
     pub(super) paths: Vec<PathBuf>,
     pub(super) encoding: Encoding,
-    /// Bytes of each file before the encoded voxels.
+    /// Offset of the encoded voxels in each data file, in bytes.
     pub(super) start: u64,
-    /// Decompressed bytes before the voxels; `None` if the voxels end the file.
+    /// Decompressed bytes to skip before the voxels of a data file; `None` if the voxels are the last bytes of the
+    /// file.
     pub(super) skip: Option<u64>,
-    /// Whether the file is gzipped as a whole; `start` then counts decompressed bytes.
+    /// Whether the whole volume file, header included, is gzipped; `start` then counts decompressed bytes.
     pub(super) is_gzipped: bool,
 }
 
 impl DataFiles {
-    /// Reads the frame of a block.
+    /// Reads the voxels of one frame of a volume from its data files.
     ///
     /// # Errors
-    /// A file cannot be read, or holds fewer voxels than claimed.
+    /// A data file cannot be read, or holds fewer voxels than its header claims.
     pub(super) fn read(&self, block: &Block, frames: usize, loading: &Loading) -> Result<Voxels> {
         let path = &self.paths[0];
         let refuse = refusal(path);
@@ -82,7 +83,7 @@ impl DataFiles {
         Block { offset, ..*block }.read(&mut source, 0).map_err(refuse)
     }
 
-    /// Reads a frame whose voxels may span several files.
+    /// Reads the voxels of one frame of a volume, which may span several data files.
     fn read_split(
         &self,
         compression: Compression,
@@ -120,7 +121,7 @@ impl DataFiles {
     }
 }
 
-/// Several inputs, each with its error text for an early end, read as one.
+/// Concatenation of several data files into one stream. Each file carries the error text for its early end.
 struct Joined<'a, I> {
     files: I,
     current: Option<(String, Take<Source<'a>>)>,
@@ -146,7 +147,7 @@ impl<'a, I: Iterator<Item = Result<(String, Take<Source<'a>>), String>>> Read fo
     }
 }
 
-/// Reads voxels written as numbers separated by blanks or commas.
+/// Reads voxels that are stored as text: numbers separated by white space or commas.
 fn read_text(source: &mut Source<'_>, block: &Block) -> Result<Voxels, String> {
     let [nx, ny, nz] = block.dims;
     let count = grid_bytes(block.dims, 1);
@@ -171,10 +172,11 @@ fn read_text(source: &mut Source<'_>, block: &Block) -> Result<Voxels, String> {
     })
 }
 
-/// Files that a header names: a single name, `LIST` with the names that follow, or a pattern such as `s%03d.raw 1 40 1`.
+/// Resolves the data files that a header names: a single name, `LIST` with the names that follow, or a pattern such
+/// as `s%03d.raw 1 40 1` (first number, last number, step).
 ///
 /// # Errors
-/// The pattern is invalid, there are too many files, or one is not beside the header.
+/// The pattern is invalid, there are too many data files, or a file is not in the folder of the header.
 pub(super) fn named_files(header: &Path, name: &str, list: &[String]) -> Result<Vec<PathBuf>, String> {
     if is_list(name) {
         if list.is_empty() || list.len() > MAX_FILES {
@@ -200,12 +202,12 @@ pub(super) fn named_files(header: &Path, name: &str, list: &[String]) -> Result<
     (0..=count).map(file).collect()
 }
 
-/// Whether names of files follow on lines of their own.
+/// Whether a data-file field is `LIST`, so that the names of the data files follow on separate lines.
 pub(super) fn is_list(name: &str) -> bool {
     name.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list"))
 }
 
-/// Splits a pattern into the text before its number, the number's width, and the text after it.
+/// Splits a file-name pattern such as `s%03d.raw` into the prefix, the width of the number, and the suffix.
 fn pattern(name: &str) -> Option<(&str, usize, &str)> {
     let (before, rest) = name.split_once('%')?;
     let (digits, after) = rest.split_once('d')?;

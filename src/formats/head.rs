@@ -1,28 +1,28 @@
-//! First bytes of an input, by which readers recognise their formats.
+//! First bytes of an input file, from which readers recognise their volume formats.
 
 use super::source::Source;
 use crate::files::loading::Loading;
 use crate::volume::read::read_full;
 use std::path::{Path, PathBuf};
 
-/// Bytes that suffice to recognise a format.
+/// Number of bytes that suffice to recognise the format of a volume file.
 const HEAD_BYTES: usize = 1024;
 
-/// Path, kind and first bytes of an input.
+/// First bytes of a volume file with its path, for the recognition of its format.
 #[derive(Debug, Clone, Default)]
 pub struct Head {
-    /// Path of the input.
+    /// Path of the input file or folder.
     pub path: PathBuf,
-    /// First bytes, decompressed.
+    /// First bytes of the input file, decompressed if it is gzipped.
     pub bytes: Vec<u8>,
-    /// Whether the input is a folder.
+    /// Whether the input path is a folder.
     pub is_folder: bool,
-    /// Whether the file is gzipped.
+    /// Whether the input file is gzipped.
     pub is_gzipped: bool,
 }
 
 impl Head {
-    /// Reads the head of a file, gzipped or not, or a folder; it is empty if nothing can be read.
+    /// Reads the first bytes of an input file, gzipped or not. There are none for a folder or an unreadable file.
     pub fn of(path: &Path) -> Self {
         let mut bytes = vec![0; HEAD_BYTES];
         let loading = Loading::default();
@@ -34,12 +34,12 @@ impl Head {
         Self { path: path.into(), bytes, is_folder, is_gzipped }
     }
 
-    /// Whether the file begins with these bytes.
+    /// Whether the input file begins with these magic bytes.
     pub fn starts_with(&self, magic: &[u8]) -> bool {
         self.bytes.starts_with(magic)
     }
 
-    /// Whether the name has one of these extensions, in any letter case.
+    /// Whether the name of the input file has one of these extensions, in any letter case.
     pub fn is_named(&self, endings: &[&str]) -> bool {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))

@@ -1,7 +1,7 @@
-//! MetaImage (ITK, Elastix): `.mha`, and `.mhd` with the voxels in a file beside it; raw, zlib and text.
+//! Reads MetaImage volumes (ITK, Elastix): `.mha`, or `.mhd` with separate data files; raw, zlib or text voxels.
 //!
-//! Directions and origin are in LPS mm, as in ITK, and are converted to RAS+.
-//! Source: ITK's MetaIO documentation, "MetaImage Format".
+//! Directions and origin are in LPS mm, as in ITK, and are converted to RAS+. Source: ITK's MetaIO documentation,
+//! "MetaImage Format".
 
 use super::common::affine;
 use super::data_files::{DataFiles, Encoding, is_list, named_files};
@@ -14,13 +14,13 @@ use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Volume};
 use glam::{DAffine3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// File-name endings of the format.
+/// File extensions of the MetaImage format.
 pub const EXTENSIONS: &[&str] = &["mha", "mhd"];
 
-/// Possible first keys of a header.
+/// Keys that can be the first one of a MetaImage header.
 const FIRST_KEYS: [&str; 3] = ["ObjectType", "NDims", "Comment"];
 
-/// Whether a file is a MetaImage.
+/// Whether a file is a MetaImage volume.
 pub fn is_metaimage(head: &Head) -> bool {
     let text = String::from_utf8_lossy(&head.bytes);
     let first = text.split_once('=').map_or("", |(key, _)| key.trim());
@@ -29,7 +29,7 @@ pub fn is_metaimage(head: &Head) -> bool {
 
 const FORMAT: TextFormat = TextFormat { name: "metaimage", fields, description, data };
 
-/// Reads one frame (from 0).
+/// Reads one frame (from 0) of a MetaImage volume.
 ///
 /// # Errors
 /// The file cannot be read, is no MetaImage, holds no scalars, or has less data than its header claims.
@@ -37,15 +37,15 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     FORMAT.read(path, frame, loading)
 }
 
-/// Lists the header and the files that it names.
+/// Lists the header of a MetaImage volume and the data files that it names.
 ///
 /// # Errors
-/// The header cannot be read.
+/// The MetaImage header cannot be read.
 pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     FORMAT.files(path)
 }
 
-/// Reads the fields; `ElementDataFile` is the last one.
+/// Reads the fields of a MetaImage header. The last field is `ElementDataFile`.
 fn fields(lines: &mut Lines<'_, '_>) -> Result<Fields, String> {
     let mut fields = Fields::default();
     while let Some(line) = lines.next()? {

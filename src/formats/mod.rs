@@ -1,6 +1,7 @@
 //! Readers and writers of volume files.
 //!
-//! Each reader recognises its files by their [`Head`]; `open::FORMATS` lists the readers in the order in which they are tried.
+//! Each reader recognises its files by their [`Head`]. `open::FORMATS` lists the readers in the order in which they
+//! are tried.
 
 mod assembly;
 mod common;

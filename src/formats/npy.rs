@@ -1,8 +1,8 @@
-//! NumPy's `.npy`: an array of three axes, `[k, j, i]` (`i` fastest in C order), or `[frame, k, j, i]` of four.
+//! Reads NumPy `.npy` arrays as volumes: axes `[k, j, i]` (`i` fastest in C order), `[j, i]`, or `[frame, k, j, i]`.
 //!
-//! The reader is not that of `ndarray-npy`, which needs the element type in advance and allocates the claimed sizes; nor is the
-//! header parsed by its `py_literal`, which takes seconds for nested brackets of a damaged file.
-//! Source: NumPy's `numpy.lib.format`, "NPY format".
+//! The crate `ndarray-npy` is not used: it needs the element type in advance and allocates the claimed sizes. Its
+//! header parser `py_literal` takes seconds for nested brackets of a damaged file. Source: NumPy's
+//! `numpy.lib.format`, "NPY format".
 
 use super::common::{frame_warning, inexact_integers, refusal};
 use super::head::Head;
@@ -15,19 +15,19 @@ use glam::{DAffine3, DVec3};
 use std::io::Read;
 use std::path::Path;
 
-/// File-name endings of the format.
+/// File extensions of the NumPy array format.
 pub const EXTENSIONS: &[&str] = &["npy"];
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// Largest size of a header.
+/// Largest size of the header of an `.npy` file, in bytes.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// Whether a file is an `.npy` array.
+/// Whether a file is a NumPy `.npy` array.
 pub fn is_npy(head: &Head) -> bool {
     head.starts_with(MAGIC)
 }
 
-/// Element type and shape of an array.
+/// Element type and shape of a NumPy `.npy` array.
 #[derive(Debug, PartialEq)]
 struct Header {
     element: Element,
@@ -36,10 +36,11 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// Reads one frame (from 0); `spacing_mm` overrides the sidecar.
+/// Reads one frame (from 0) of an `.npy` array as a volume. `spacing_mm` overrides the affine of the JSON sidecar
+/// file.
 ///
 /// # Errors
-/// The file cannot be read, is no array of numbers with three or four axes, or ends early.
+/// The file cannot be read, ends early, or is no array of numbers with two to four axes.
 pub fn read_with(
     path: &Path,
     frame: usize,
@@ -105,7 +106,7 @@ pub fn read_with(
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
-/// Reads the header and returns its size in bytes.
+/// Reads the header of an `.npy` file and returns it with its size in bytes.
 fn header(source: &mut Source<'_>) -> Result<(Header, u64), String> {
     let mut take = |count: usize| {
         let mut bytes = vec![0; count];
@@ -125,7 +126,7 @@ fn header(source: &mut Source<'_>) -> Result<(Header, u64), String> {
     Ok((header, (8 + width + length) as u64))
 }
 
-/// Text after a key of the header's dictionary.
+/// Returns the text after a key in the Python dictionary of an `.npy` header.
 fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
     let quoted = [format!("'{key}'"), format!("\"{key}\"")];
     let after = quoted.iter().find_map(|q| text.split_once(q.as_str())).map(|(_, after)| after);

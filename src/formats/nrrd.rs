@@ -1,7 +1,8 @@
-//! NRRD (Nearly Raw Raster Data, teem): `.nrrd`, and `.nhdr` with the voxels in a file beside it; raw, gzip and ascii.
+//! Reads NRRD volumes (Nearly Raw Raster Data, teem): `.nrrd`, or `.nhdr` with separate data files; raw, gzip or text
+//! voxels.
 //!
-//! The affine to RAS+ mm comes from `space`, `space directions` and `space origin`, or from `spacings` alone.
-//! Source: "Definition of NRRD File Format", teem.sourceforge.net/nrrd/format.html.
+//! The affine to RAS+ mm comes from `space`, `space directions` and `space origin`, or from `spacings` alone. Source:
+//! "Definition of NRRD File Format", teem.sourceforge.net/nrrd/format.html.
 
 use super::common::{affine, mm_of, numbers};
 use super::data_files::{DataFiles, Encoding, is_list, named_files};
@@ -14,22 +15,22 @@ use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Volume};
 use glam::{DAffine3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// File-name endings of the format.
+/// File extensions of the NRRD format.
 pub const EXTENSIONS: &[&str] = &["nrrd", "nhdr"];
 
 const MAGIC: &[u8] = b"NRRD000";
 
-/// Field that names the files of a detached header.
+/// Names of the NRRD field that gives the data files of a detached header.
 const DATA_FILE: &[&str] = &["data file", "datafile"];
 
-/// Whether a file is NRRD.
+/// Whether a file is an NRRD volume.
 pub fn is_nrrd(head: &Head) -> bool {
     head.starts_with(MAGIC)
 }
 
 const FORMAT: TextFormat = TextFormat { name: "nrrd", fields, description, data };
 
-/// Reads one frame (from 0).
+/// Reads one frame (from 0) of an NRRD volume.
 ///
 /// # Errors
 /// The file cannot be read, is no NRRD file, holds no scalars, or has less data than its header claims.
@@ -37,10 +38,10 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     FORMAT.read(path, frame, loading)
 }
 
-/// Lists the header and the files that it names.
+/// Lists the header of an NRRD volume and the data files that it names.
 ///
 /// # Errors
-/// The header cannot be read.
+/// The NRRD header cannot be read.
 pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     FORMAT.files(path)
 }
@@ -81,18 +82,18 @@ fn description(fields: &Fields) -> Result<Description, String> {
     Ok(Description { block, frames, scaling: Scaling::IDENTITY, affine, warnings })
 }
 
-/// Axes of the grid and of frames, after the values of a voxel.
+/// Spatial and frame axes of an NRRD array, without the leading axes that hold the components of a voxel.
 struct Axes {
     sizes: Vec<usize>,
-    /// Number of axes before them in the file.
+    /// Number of leading NRRD axes that hold the components of a voxel; each has size 1.
     first: usize,
 }
 
 impl Axes {
-    /// Finds the axes of a header.
+    /// Finds the spatial and frame axes of an NRRD header.
     ///
     /// # Errors
-    /// There are colours or vectors at each voxel, or no axes.
+    /// The NRRD voxels are colours or vectors, or the sizes contradict the dimension.
     fn new(fields: &Fields) -> Result<Self, String> {
         let sizes = fields.sizes(&["sizes"])?;
         let dimension = fields.sizes(&["dimension"])?;
@@ -182,7 +183,7 @@ impl Axes {
     }
 }
 
-/// Millimetres of the header's unit of length; 1 if it is unknown.
+/// Returns the length unit of an NRRD header in mm; 1 with a warning if the unit is unknown.
 fn unit_mm(fields: &Fields, warnings: &mut Vec<String>) -> f64 {
     let text = fields.get(&["space units"]).unwrap_or_default();
     let units: Vec<&str> = text.split('"').map(str::trim).filter(|u| !u.is_empty()).collect();
@@ -196,7 +197,7 @@ fn unit_mm(fields: &Fields, warnings: &mut Vec<String>) -> f64 {
     }
 }
 
-/// Parses vectors `(a,b,c)`, planar vectors `(a,b)`, or `none`.
+/// Parses the vectors of an NRRD field: `(a,b,c)`, planar `(a,b)`, or `none`.
 fn vectors(text: &str) -> Result<Vec<Option<DVec3>>, String> {
     let vector = |part: &str| {
         let parts = numbers(&part.trim_start().strip_prefix('(')?.replace(',', " "))?;

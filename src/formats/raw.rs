@@ -1,4 +1,5 @@
-//! Raw files: bare voxels, gzipped or not. The layout comes from `--raw`, a [`Sidecar`] or the file's name.
+//! Reads raw volumes: files of voxels without a header, gzipped or not. The layout comes from `--raw`, a [`Sidecar`]
+//! or the file name.
 
 use super::raw_layout::{RawLayout, Sidecar};
 use super::source::{Block, Compression, Source};
@@ -8,31 +9,32 @@ use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DVec3};
 use std::path::Path;
 
-/// Layout and placement of a raw file.
+/// Voxel layout and placement of a raw volume file, which has no header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawFile {
-    /// Grid and element type.
+    /// Grid size, voxel type and byte order of the raw volume.
     pub layout: RawLayout,
-    /// Voxel size in mm, with voxel (0, 0, 0) at the origin and the axes of the world; it overrides the sidecar.
+    /// Voxel size of the raw volume in mm, which overrides the affine of the sidecar file. Voxel (0, 0, 0) is then at
+    /// the origin, and the grid axes are the world axes.
     pub spacing_mm: Option<[f64; 3]>,
-    /// Decompressed bytes before the voxels.
+    /// Decompressed bytes before the first voxel of the raw file.
     pub offset_bytes: u64,
-    /// Sidecar of the file, if there is one.
+    /// Contents of the JSON sidecar file beside the raw volume, if there is one.
     pub sidecar: Option<Sidecar>,
 }
 
 impl From<RawLayout> for RawFile {
-    /// Voxels from the first byte on, without placement.
+    /// Describes a raw volume whose voxels start at the first byte, without voxel size and sidecar file.
     fn from(layout: RawLayout) -> Self {
         Self { layout, spacing_mm: None, offset_bytes: 0, sidecar: None }
     }
 }
 
-/// Reads a raw file, gzipped or not. Without spacing and sidecar, voxels count 1 mm.
+/// Reads a raw volume file, gzipped or not. Without a voxel size or a sidecar file, voxels are taken as 1 mm.
 ///
 /// # Errors
-/// The file cannot be read, its size is not exactly that of the offset and the voxels, or a spacing is not above 0; or it was
-/// cancelled.
+/// The file cannot be read, its size is not exactly that of the offset and the voxels, or a voxel size is not above
+/// 0; or reading was cancelled.
 pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volume> {
     let RawFile { layout: RawLayout { dims, element, byte_order }, spacing_mm, offset_bytes, sidecar } = file;
     let source = path.display().to_string();

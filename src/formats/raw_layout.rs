@@ -1,4 +1,5 @@
-//! Layout of raw voxels: the text of `--raw`, the name of the file, and the sidecar file that `convert` writes.
+//! Voxel layout of raw volume files, from the text of `--raw`, the file name, or the sidecar file that `convert`
+//! writes.
 
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
@@ -8,14 +9,14 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Grid and element type of raw voxels, `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
+/// Grid size, voxel type and byte order of a raw volume, written as `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawLayout {
-    /// Voxels along x, y, z.
+    /// Number of voxels of the raw volume along x, y and z.
     pub dims: [usize; 3],
-    /// Element type.
+    /// Type of the stored voxels of a raw volume.
     pub element: Element,
-    /// Byte order.
+    /// Byte order of the stored voxels of a raw volume.
     pub byte_order: ByteOrder,
 }
 
@@ -57,7 +58,8 @@ impl serde::Serialize for RawLayout {
 }
 
 impl RawLayout {
-    /// Layout in a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names).
+    /// Parses the voxel layout from a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and short type
+    /// names).
     pub fn from_file_name(path: &Path) -> Option<Self> {
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
         let stem = name.strip_suffix(".gz").unwrap_or(&name).strip_suffix(".raw")?;
@@ -76,22 +78,23 @@ fn parse_dims(text: &str) -> Option<[usize; 3]> {
     <[usize; 3]>::try_from(sizes).ok().filter(|dims| dims.iter().all(|&n| n > 0))
 }
 
-/// Sidecar of a file of bare voxels: a JSON file beside it, e.g. `foot.raw.json` for `foot.raw`.
+/// JSON sidecar file of a `.raw` or `.npy` volume, with voxel layout, value mapping and affine; e.g. `foot.raw.json`
+/// for `foot.raw`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
-    /// Layout, as `--raw` takes it.
+    /// Voxel layout of the volume, in the syntax of the option `--raw`.
     pub layout: String,
-    /// Slope of the scaling.
+    /// Slope of the linear mapping from stored voxel values to physical values.
     pub slope: f64,
-    /// Intercept of the scaling.
+    /// Intercept of the linear mapping from stored voxel values to physical values.
     pub intercept: f64,
-    /// World mm (RAS+) from index coordinates, row by row.
+    /// Affine from voxel indices to world coordinates (RAS+, mm): three rows of four numbers.
     pub world_from_index: [[f64; 4]; 3],
 }
 
 impl Sidecar {
-    /// Sidecar of a volume that is written with this layout.
+    /// Creates the sidecar file contents for a volume that is written with this voxel layout.
     pub fn new(volume: &Volume, layout: &RawLayout) -> Self {
         let affine = volume.world_from_index();
         let Scaling { slope, intercept } = volume.scaling();
@@ -102,17 +105,17 @@ impl Sidecar {
         Self { layout: layout.to_string(), slope, intercept, world_from_index }
     }
 
-    /// Path of the sidecar of a file.
+    /// Returns the path of the JSON sidecar file of a volume file: its path with `.json` appended.
     pub fn path_of(path: &Path) -> PathBuf {
         let mut name = path.as_os_str().to_owned();
         name.push(".json");
         name.into()
     }
 
-    /// Reads the sidecar of a file, if there is one.
+    /// Reads the JSON sidecar file of a volume file; `None` if there is none.
     ///
     /// # Errors
-    /// The sidecar cannot be read.
+    /// The sidecar file cannot be read or parsed.
     pub fn beside(path: &Path) -> Result<Option<Self>> {
         const WHAT: &str = "cannot read the sidecar of a volume";
         let path = Self::path_of(path);
@@ -123,20 +126,20 @@ impl Sidecar {
         serde_json::from_str(&text).map(Some).map_err(|e| Error::input(WHAT, path.display(), e))
     }
 
-    /// Parses the layout.
+    /// Parses the voxel layout text of the sidecar file.
     ///
     /// # Errors
-    /// See [`RawLayout::from_str`](std::str::FromStr).
+    /// The text is no valid layout; see [`RawLayout::from_str`](std::str::FromStr).
     pub fn raw_layout(&self) -> Result<RawLayout> {
         self.layout.parse()
     }
 
-    /// Scaling of the stored values.
+    /// Returns the linear mapping from stored voxel values to physical values.
     pub fn scaling(&self) -> Scaling {
         Scaling { slope: self.slope, intercept: self.intercept }
     }
 
-    /// World mm (RAS+) from index coordinates.
+    /// Returns the affine from voxel indices to world coordinates (RAS+, mm).
     pub fn affine(&self) -> DAffine3 {
         let column = |c: usize| DVec3::from_array(self.world_from_index.map(|row| row[c]));
         DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))

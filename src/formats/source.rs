@@ -1,4 +1,4 @@
-//! Stream of a volume file, compressed or not, and the block of voxels in it.
+//! Input stream of a volume file, compressed or not, and the block of voxels to read from it.
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
@@ -11,16 +11,16 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Largest ratio of decompressed to deflated bytes.
+/// Largest possible ratio of decompressed to compressed bytes of the deflate method.
 const DEFLATE_MAX_RATIO: u64 = 1032;
 
-/// Compression of a stream.
+/// Compression of the input stream of a volume file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compression {
-    /// Gzip if the first bytes say so, otherwise none.
+    /// Detects the compression: gzip if the stream starts with the gzip magic bytes, otherwise none.
     Detected,
     None,
-    /// Gzip or zlib, by the first bytes.
+    /// Gzip compression if the stream starts with the gzip magic bytes, otherwise zlib.
     Deflate,
 }
 
@@ -29,23 +29,23 @@ enum Stream<'a> {
     Compressed(Box<dyn Read + 'a>),
 }
 
-/// Input file from one of its bytes on.
+/// Input stream of a volume file from a start offset on, decompressed while it is read.
 pub(super) struct Source<'a> {
     stream: Stream<'a>,
-    /// Bytes of the file from the start of the stream on.
+    /// Number of bytes in the volume file from the start of the stream to the end of the file.
     file_bytes: u64,
-    /// Bytes after the voxels of a compressed stream, as far as they were read.
+    /// Number of bytes found after the voxels of a compressed volume file.
     pub(super) trailing: u64,
     loading: &'a Loading,
 }
 
 impl<'a> Source<'a> {
-    /// Opens a whole file, gzipped or not.
+    /// Opens a volume file from its first byte on, gzipped or not.
     pub(super) fn open(path: &Path, loading: &'a Loading) -> Result<Self> {
         Self::open_at(path, 0, Compression::Detected, loading)
     }
 
-    /// Opens a file at byte `start`.
+    /// Opens a volume file from byte `start` on.
     pub(super) fn open_at(
         path: &Path,
         start: u64,
@@ -85,12 +85,12 @@ impl<'a> Source<'a> {
         matches!(self.stream, Stream::Compressed(_))
     }
 
-    /// Upper bound of the bytes in the stream.
+    /// Returns an upper bound of the number of decompressed bytes in the input stream.
     pub(super) fn max_bytes(&self) -> u64 {
         self.file_bytes.saturating_mul(if self.is_compressed() { DEFLATE_MAX_RATIO } else { 1 })
     }
 
-    /// Skips `count` bytes; returns how many there were.
+    /// Skips `count` bytes of the input stream; returns how many bytes were skipped.
     fn skip(&mut self, count: u64) -> io::Result<u64> {
         if let Stream::Plain(file) = &mut self.stream {
             // The caller has compared `count` with the file's size, which fits in i64.
@@ -113,41 +113,42 @@ impl Read for Source<'_> {
     }
 }
 
-/// Block of voxels in a stream, as a header claims it.
+/// Block of voxels in the input stream of a volume file, described by the header of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Block {
-    /// Voxels along x, y and z; x runs fastest.
+    /// Number of voxels of the block along x, y and z; x runs fastest.
     pub(super) dims: [usize; 3],
     pub(super) element: Element,
     pub(super) byte_order: ByteOrder,
-    /// First byte of the first frame in the stream.
+    /// Byte offset of the first frame of the volume in the decompressed stream.
     pub(super) offset: u64,
-    /// Frame to read.
+    /// Index of the frame of the volume to read, from 0.
     pub(super) frame: usize,
 }
 
 impl Block {
-    /// Type and byte order for people.
+    /// Describes the stored voxel type and byte order for the user.
     pub(super) fn stored_type(&self) -> String {
         self.element.describe(self.byte_order)
     }
 
-    /// Bytes of one frame; `None` on overflow.
+    /// Returns the size of one frame of the volume in the file, bytes; `None` on overflow.
     pub(super) fn bytes(&self) -> Option<u64> {
         grid_bytes(self.dims, self.element.bytes() as u64)
     }
 
-    /// Reads the voxels from a stream at byte `position`, and the rest of a compressed stream to verify its checksum.
+    /// Reads the voxels from an input stream that is at byte `position`. Reads on to the end of a compressed stream
+    /// to verify its checksum.
     ///
     /// # Errors
-    /// The stream cannot be read, or holds fewer bytes than are claimed.
+    /// The stream cannot be read, or holds fewer bytes than the header claims.
     pub(super) fn read(&self, data: &mut Source<'_>, position: u64) -> Result<Voxels, String> {
         self.read_by(data, position, |data, factors| {
             read_voxels(data, self.dims, self.element, self.byte_order, factors)
         })
     }
 
-    /// Reads voxels whose z runs fastest. Downsampling is left to the caller.
+    /// Reads a block of voxels that is stored with z fastest. Does not downsample; the caller does.
     ///
     /// # Errors
     /// See [`Self::read`].

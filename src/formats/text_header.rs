@@ -1,4 +1,5 @@
-//! Headers of text lines with the voxels in the same file or in others: the common part of NRRD and MetaImage.
+//! Volume formats with a header of text lines, with the voxels in one file or in others: the common code of NRRD and
+//! MetaImage.
 
 use super::common::{frame_warning, inexact_integers, numbers, refusal};
 use super::data_files::DataFiles;
@@ -10,21 +11,23 @@ use glam::DAffine3;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Largest size of a header.
+/// Largest size of a text header of a volume file, in bytes.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Format with a text header.
+/// Volume format with a text header (NRRD or MetaImage), defined by its parsing functions.
 pub(super) struct TextFormat {
     pub(super) name: &'static str,
-    /// Reads the fields up to the voxels.
+    /// Reads all fields of the text header of a volume file, up to the voxels.
     pub(super) fields: fn(&mut Lines<'_, '_>) -> Result<Fields, String>,
-    /// Interprets the fields; the block is that of the first frame.
+    /// Interprets the fields of the text header of a volume file. The returned voxel block is that of the first
+    /// frame.
     pub(super) description: fn(&Fields) -> Result<Description, String>,
-    /// Locates the voxels of a header at this path, of so many bytes, in a gzipped file or not.
+    /// Locates the voxels of a volume. Arguments are the header fields, the header path, the header size in bytes,
+    /// and whether the file is gzipped.
     pub(super) data: fn(&Fields, &Path, u64, bool) -> Result<DataFiles, String>,
 }
 
-/// Content of a header.
+/// Description of a volume by its text header (NRRD or MetaImage).
 pub(super) struct Description {
     pub(super) block: Block,
     pub(super) frames: usize,
@@ -34,7 +37,7 @@ pub(super) struct Description {
 }
 
 impl TextFormat {
-    /// Reads one frame (from 0).
+    /// Reads one frame (from 0) of an NRRD or MetaImage volume.
     pub(super) fn read(&self, path: &Path, frame: usize, loading: &Loading) -> Result<Volume> {
         let refuse = refusal(path);
         let mut source = Source::open(path, loading)?;
@@ -58,7 +61,7 @@ impl TextFormat {
         Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
     }
 
-    /// Lists the header and the files that it names.
+    /// Lists the header of an NRRD or MetaImage volume and the data files that it names.
     pub(super) fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
         let loading = Loading::default();
         let mut source = Source::open(path, &loading)?;
@@ -76,17 +79,17 @@ impl TextFormat {
     }
 }
 
-/// Lines of a header and their total size.
+/// Reader of the lines of a text header of a volume file, which counts the bytes read.
 pub(super) struct Lines<'s, 'a> {
     source: &'s mut Source<'a>,
     bytes: u64,
 }
 
 impl Lines<'_, '_> {
-    /// Returns the next line without its end; `None` at the end of the file.
+    /// Returns the next line of the text header without its line end; `None` at the end of the file.
     ///
     /// # Errors
-    /// The file cannot be read, or the header is too long.
+    /// The file cannot be read, or the header is longer than a megabyte.
     #[expect(clippy::unbuffered_bytes, reason = "the source has a buffer")]
     pub(super) fn next(&mut self) -> Result<Option<String>, String> {
         let mut line = Vec::new();
@@ -106,11 +109,11 @@ impl Lines<'_, '_> {
     }
 }
 
-/// Fields of a header; names are compared without letter case.
+/// Fields of a text header (NRRD or MetaImage). Field names are compared without letter case.
 #[derive(Debug, Default)]
 pub(super) struct Fields {
     all: Vec<(String, String)>,
-    /// Names of files on lines of their own.
+    /// Names of data files that follow the field `LIST`, one per line of the header.
     pub(super) list: Vec<String>,
 }
 
@@ -119,23 +122,23 @@ impl Fields {
         self.all.push((name.trim().to_lowercase(), value.trim().to_owned()));
     }
 
-    /// Returns the first field of one of these names.
+    /// Returns the value of the first header field that has one of these names.
     pub(super) fn get(&self, names: &[&str]) -> Option<&str> {
         self.all.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
     }
 
-    /// Returns a field.
+    /// Returns the value of a required header field.
     ///
     /// # Errors
-    /// The field is missing.
+    /// The header field is missing.
     pub(super) fn required(&self, names: &[&str]) -> Result<&str, String> {
         self.get(names).ok_or_else(|| format!("its header has no `{}`", names[0]))
     }
 
-    /// Returns exactly `count` finite numbers; `None` without the field.
+    /// Parses exactly `count` finite numbers from a header field; `None` if the field is missing.
     ///
     /// # Errors
-    /// The field holds something else.
+    /// The header field does not hold `count` finite numbers.
     pub(super) fn numbers(&self, names: &[&str], count: usize) -> Result<Option<Vec<f64>>, String> {
         let Some(text) = self.get(names) else { return Ok(None) };
         let all = numbers(text).ok_or_else(|| unreadable(names[0], text))?;
@@ -145,10 +148,10 @@ impl Fields {
         Ok(Some(all))
     }
 
-    /// Returns sizes above 0.
+    /// Parses the positive integer sizes of a header field.
     ///
     /// # Errors
-    /// The field is missing or holds something else.
+    /// The header field is missing or holds something else.
     pub(super) fn sizes(&self, names: &[&str]) -> Result<Vec<usize>, String> {
         let text = self.required(names)?;
         let sizes: Option<Vec<usize>> = text.split_whitespace().map(|n| n.parse().ok()).collect();
@@ -156,13 +159,13 @@ impl Fields {
     }
 }
 
-/// Error text for a field that cannot be interpreted.
+/// Returns the error text for a header field that cannot be interpreted.
 pub(super) fn unreadable(name: &str, text: &str) -> String {
     let short: String = text.chars().take(60).collect();
     format!("its `{name}` is `{short}`")
 }
 
-/// Grid and number of frames for sizes along the axes; frames are the axes after the third.
+/// Returns grid size and number of frames from the sizes of all axes of an array. Axes after the third count frames.
 ///
 /// # Errors
 /// There are fewer than two axes, or the number of frames overflows.

@@ -1,30 +1,30 @@
-//! Text of numbers separated by blanks or commas, read as the bytes of their binary form without storing the text.
+//! Converts numbers in text, separated by white space or commas, to bytes of binary voxels while they are read.
 
 use crate::volume::element::Element;
 use std::io::{self, BufReader, Read};
 
-/// Largest length of a number.
+/// Largest number of characters of a number in text voxel data.
 const MAX_WORD_BYTES: usize = 400;
 
-/// Text that reads as the little-endian bytes of its numbers.
+/// Adapter that reads text numbers and returns them as little-endian bytes of binary voxels.
 pub(super) struct TextNumbers<R> {
     input: BufReader<R>,
     element: Element,
-    /// Numbers that are left.
+    /// Number of voxels that remain to be read from the text.
     left: u64,
-    /// Bytes of the current number, and how many of them were read.
+    /// Binary bytes of the current voxel, and how many of these bytes were returned.
     bytes: [u8; 8],
     taken: usize,
 }
 
 impl<R: Read> TextNumbers<R> {
-    /// Reads `count` numbers of a type.
+    /// Creates a reader of `count` text numbers that returns them as voxels of type `element`.
     pub(super) fn new(input: R, element: Element, count: u64) -> Self {
         let taken = element.bytes();
         Self { input: BufReader::with_capacity(1 << 16, input), element, left: count, bytes: [0; 8], taken }
     }
 
-    /// Skips `count` numbers; returns whether there were as many.
+    /// Skips `count` text numbers; returns false if the text ends before.
     ///
     /// # Errors
     /// The text cannot be read, or holds a word that is too long for a number.
@@ -37,7 +37,7 @@ impl<R: Read> TextNumbers<R> {
         Ok(true)
     }
 
-    /// Returns the next word.
+    /// Returns the next word of the text, without separators; `None` at the end of the text.
     fn word(&mut self) -> io::Result<Option<String>> {
         let mut word = String::new();
         for byte in self.input.by_ref().bytes() {
@@ -82,7 +82,7 @@ impl<R: Read> Read for TextNumbers<R> {
     }
 }
 
-/// Little-endian bytes of a number in a type, clamped to its range.
+/// Converts a number to the little-endian bytes of a voxel type, clamped to the range of the type.
 fn stored(value: f64, element: Element) -> [u8; 8] {
     let bits = match element {
         Element::U8 => (value as u8).into(),

@@ -1,7 +1,7 @@
-//! Writers of volumes: values and affine are preserved in every format.
+//! Writes volumes as NIfTI, NRRD, raw or NumPy files, with their physical values and affine.
 //!
-//! NIfTI and raw files store the numbers of the volume and their scaling. NRRD and `.npy` have no scaling: values are written
-//! as 16- or 32-bit integers if they are such, and otherwise as 64-bit floats.
+//! NIfTI and raw files store the voxels with slope and intercept. NRRD and `.npy` have neither: if the mapping is not
+//! the identity, physical values are written, as 16- or 32-bit integers if exact and otherwise as 64-bit floats.
 
 use super::nifti::write_nifti;
 use super::raw_layout::{RawLayout, Sidecar};
@@ -13,13 +13,14 @@ use flate2::write::GzEncoder;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// File-name endings that [`write_volume`] accepts.
+/// File extensions that [`write_volume`] accepts.
 pub const VOLUME_EXTENSIONS: &[&str] = &["nii.gz", "nii", "nrrd", "raw", "npy"];
 
-/// Writes a volume in the format of the file's name, whole or not at all. A [`Sidecar`] complements `.raw` and `.npy`.
+/// Writes a volume in the format that the file extension names. A [`Sidecar`] file complements `.raw` and `.npy`. A
+/// failed write leaves no partial volume file.
 ///
 /// # Errors
-/// The ending is unknown, the format cannot hold the size, or the file cannot be written.
+/// The extension is unknown, the format cannot hold the size, or the file cannot be written.
 pub fn write_volume(volume: &Volume, path: &Path) -> Result<()> {
     check_output(path, VOLUME_EXTENSIONS)?;
     match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
@@ -30,14 +31,15 @@ pub fn write_volume(volume: &Volume, path: &Path) -> Result<()> {
     }
 }
 
-/// Numbers to write: the stored ones, or with `scaled` the values in this type.
+/// Voxels to write to a volume file: the stored numbers, or the physical values converted to type `scaled`.
 struct Numbers<'a> {
     volume: &'a Volume,
     scaled: Option<Element>,
 }
 
 impl<'a> Numbers<'a> {
-    /// Values for a format without scaling, in the narrowest type that holds them exactly.
+    /// Selects the numbers to write in a format without slope and intercept: physical values in the smallest suitable
+    /// type.
     fn values(volume: &'a Volume) -> Self {
         let scaling = volume.scaling();
         if scaling == Scaling::IDENTITY {
@@ -60,7 +62,7 @@ impl<'a> Numbers<'a> {
         self.scaled.unwrap_or_else(|| self.volume.voxels().element())
     }
 
-    /// Writes all numbers, little-endian, x fastest.
+    /// Writes all voxels of the volume as little-endian numbers, x fastest.
     fn write(&self, out: &mut (impl Write + ?Sized)) -> io::Result<()> {
         let Some(element) = self.scaled else { return out.write_all(self.volume.voxels().bytes()) };
         let [nx, ny, nz] = self.volume.dims();
@@ -79,7 +81,7 @@ impl<'a> Numbers<'a> {
         Ok(())
     }
 
-    /// Sidecar for these numbers.
+    /// Creates the contents of the JSON sidecar file for the written voxels.
     fn sidecar(&self) -> Sidecar {
         let layout =
             RawLayout { dims: self.volume.dims(), element: self.element(), byte_order: ByteOrder::Little };
@@ -88,7 +90,7 @@ impl<'a> Numbers<'a> {
     }
 }
 
-/// Writes gzipped voxels after a header in RAS+ mm.
+/// Writes an NRRD file: a header in RAS+ mm and gzipped voxels.
 fn write_nrrd(volume: &Volume, path: &Path) -> Result<()> {
     let numbers = Numbers::values(volume);
     let affine = volume.world_from_index();
@@ -117,13 +119,13 @@ fn write_nrrd(volume: &Volume, path: &Path) -> Result<()> {
     })
 }
 
-/// Writes the stored numbers and a sidecar.
+/// Writes a raw volume file of the stored voxels, and its JSON sidecar file.
 fn write_raw(volume: &Volume, path: &Path) -> Result<()> {
     let numbers = Numbers { volume, scaled: None };
     write_with_sidecar(&numbers.sidecar(), path, |file| numbers.write(file))
 }
 
-/// Writes an array `[k, j, i]` of the values and a sidecar.
+/// Writes a NumPy array `[k, j, i]` of the physical values, and its JSON sidecar file.
 fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
     let numbers = Numbers::values(volume);
     let element = numbers.element();
@@ -142,8 +144,8 @@ fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
     })
 }
 
-/// Writes a file and its sidecar. Both get their names after the voxels are written, and a JSON file that is no sidecar is not
-/// overwritten.
+/// Writes a volume file and its JSON sidecar file. Both files appear only after the voxels are written. A JSON file
+/// that is no sidecar is not overwritten.
 fn write_with_sidecar(
     sidecar: &Sidecar,
     path: &Path,

@@ -1,8 +1,8 @@
-//! Bind groups and their layouts, both made from one list of slots.
+//! Bind groups of shader resources and their layouts, both made from one list of bindings.
 
 use super::Gpu;
 
-/// Resource of one `@binding`, and its type in the layout.
+/// Shader resource for one `@binding`, with its type in the bind group layout.
 #[derive(Debug, Clone)]
 pub struct Slot<'a> {
     ty: wgpu::BindingType,
@@ -14,23 +14,23 @@ fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
 }
 
 impl<'a> Slot<'a> {
-    /// Slot of a `var<uniform>`.
+    /// Creates the binding of a `var<uniform>` buffer.
     pub fn uniform(uniform: &'a wgpu::Buffer) -> Self {
         let resource = uniform.as_entire_binding();
         Self { ty: buffer(wgpu::BufferBindingType::Uniform), resource }
     }
 
-    /// Slot of a `var<storage, read>`: a whole buffer or a part of one.
+    /// Creates the binding of a `var<storage, read>` buffer: a whole buffer or a part of one.
     pub fn read(resource: wgpu::BindingResource<'a>) -> Self {
         Self { ty: buffer(wgpu::BufferBindingType::Storage { read_only: true }), resource }
     }
 
-    /// Slot of a `var<storage, read_write>`: a whole buffer or a part of one.
+    /// Creates the binding of a `var<storage, read_write>` buffer: a whole buffer or a part of one.
     pub fn read_write(resource: wgpu::BindingResource<'a>) -> Self {
         Self { ty: buffer(wgpu::BufferBindingType::Storage { read_only: false }), resource }
     }
 
-    /// Slot of a `texture_2d` or `texture_3d` of `f32` (filterable or not) or `u32`.
+    /// Creates the binding of a `texture_2d` or `texture_3d` of `f32` (filterable or not) or `u32`.
     pub fn texture(
         view: &'a wgpu::TextureView,
         sample_type: wgpu::TextureSampleType,
@@ -40,23 +40,24 @@ impl<'a> Slot<'a> {
         Self { ty, resource: wgpu::BindingResource::TextureView(view) }
     }
 
-    /// Slot of a `texture_2d<u32>`.
+    /// Creates the binding of a `texture_2d<u32>`.
     pub fn words(view: &'a wgpu::TextureView) -> Self {
         Self::texture(view, wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)
     }
 
-    /// Slot of a `texture_2d<f32>` without filtering.
+    /// Creates the binding of a `texture_2d<f32>` that shaders read without filtering.
     pub fn floats(view: &'a wgpu::TextureView) -> Self {
         let sample_type = wgpu::TextureSampleType::Float { filterable: false };
         Self::texture(view, sample_type, wgpu::TextureViewDimension::D2)
     }
 
-    /// Slot of a `texture_storage_2d<format, write>`.
+    /// Creates the binding of a write-only `texture_storage_2d<format, write>`.
     pub fn store(view: &'a wgpu::TextureView, format: wgpu::TextureFormat) -> Self {
         Self::store_in(view, format, wgpu::TextureViewDimension::D2)
     }
 
-    /// Slot of a `texture_storage_2d<format, write>` or `texture_storage_3d<format, write>`.
+    /// Creates the binding of a write-only `texture_storage_2d<format, write>` or `texture_storage_3d<format,
+    /// write>`.
     pub(super) fn store_in(
         view: &'a wgpu::TextureView,
         format: wgpu::TextureFormat,
@@ -67,7 +68,7 @@ impl<'a> Slot<'a> {
         Self { ty, resource: wgpu::BindingResource::TextureView(view) }
     }
 
-    /// Slot of a `sampler`; `filtering`: whether it is linear.
+    /// Creates the binding of a texture `sampler`; `filtering` says whether it filters linearly.
     pub fn sampler(sampler: &'a wgpu::Sampler, filtering: bool) -> Self {
         let kind = match filtering {
             true => wgpu::SamplerBindingType::Filtering,
@@ -77,7 +78,7 @@ impl<'a> Slot<'a> {
     }
 }
 
-/// Bind group and its layout.
+/// Bind group of shader resources, together with its layout.
 #[derive(Debug, Clone)]
 pub struct Group {
     pub(super) layout: wgpu::BindGroupLayout,
@@ -86,8 +87,8 @@ pub struct Group {
 }
 
 impl Group {
-    /// Creates a group of slots, each with its `@binding`. Equal layouts are one object in wgpu, and so a pipeline fits every
-    /// group with its layout.
+    /// Creates a bind group of shader resources, each with its `@binding` number. Equal layouts are one object in
+    /// wgpu, and so a pipeline fits every bind group with its layout.
     pub fn new(gpu: &Gpu, label: &str, slots: &[(u32, Slot<'_>)]) -> Self {
         let visibility = wgpu::ShaderStages::COMPUTE;
         let (kinds, entries): (Vec<_>, Vec<_>) = slots

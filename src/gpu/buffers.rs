@@ -1,4 +1,4 @@
-//! Buffers from plain data, and reading them back.
+//! Creates device buffers from plain data, and reads them back to the host.
 
 use super::Gpu;
 use crate::error::{Error, Result};
@@ -6,13 +6,13 @@ use bytemuck::Pod;
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
 
-/// Creates a buffer of zeros with at least 16 bytes, since an empty buffer cannot be bound.
+/// Creates a device buffer of zeros with at least 16 bytes, since an empty buffer cannot be bound.
 pub(super) fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: BufferUsages) -> wgpu::Buffer {
     let (label, size) = (Some(label), bytes.max(16));
     device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false })
 }
 
-/// Small buffer with a value, bound as a uniform or as storage.
+/// Creates a small device buffer that holds one value and can be bound as a uniform or as storage.
 pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer {
     gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some(label),
@@ -21,18 +21,18 @@ pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer
     })
 }
 
-/// Usage of buffers that shaders read and write.
+/// Usage flags of storage buffers that shaders read and write.
 pub(super) const STORAGE: BufferUsages =
     BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
-/// Constructors of storage buffers, which refuse sizes that the adapter cannot bind.
+/// Constructors of storage buffers on the device, which refuse sizes that the adapter cannot bind.
 pub struct StorageBuffer;
 
 impl StorageBuffer {
-    /// Buffer of `data`; an empty slice becomes 16 zero bytes.
+    /// Creates a storage buffer that holds `data`; an empty slice becomes 16 zero bytes.
     ///
     /// # Errors
-    /// More bytes than the adapter can bind.
+    /// The adapter cannot bind a buffer of this size.
     pub fn from_slice<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         if data.is_empty() {
             return Self::zeroed(gpu, label, 0);
@@ -45,17 +45,17 @@ impl StorageBuffer {
         }))
     }
 
-    /// Buffer of zeros, of at least 16 bytes.
+    /// Creates a storage buffer of zeros, with at least 16 bytes.
     ///
     /// # Errors
-    /// More bytes than the adapter can bind.
+    /// The adapter cannot bind a buffer of this size.
     pub fn zeroed(gpu: &Gpu, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         gpu.check_storage(label, bytes)?;
         Ok(buffer(&gpu.device, label, bytes, STORAGE))
     }
 }
 
-/// Copies the first `count` elements of a buffer to the host, and waits for the device.
+/// Copies the first `count` elements of a device buffer to the host, and waits until the device is done.
 ///
 /// # Errors
 /// The device is lost.
@@ -67,12 +67,12 @@ pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Resu
     read_staging(gpu, &staging, gpu.submit([encoder.finish()]), bytes)
 }
 
-/// Buffer that a submission copies into for the host to read.
+/// Creates a staging buffer, into which a submission copies data for the host to read.
 pub(super) fn staging_buffer(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
     buffer(&gpu.device, "read back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
 }
 
-/// Waits for a submission and reads the staging buffer that it copied to.
+/// Waits for a submission, and reads the staging buffer into which it copied data.
 pub(super) fn read_staging<T: Pod>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,

@@ -1,4 +1,4 @@
-//! Choice of an adapter, and the open device with all limits of the adapter.
+//! Chooses a graphics adapter, and opens its device with all limits of the adapter.
 
 use super::counters::DeviceCounters;
 use super::sharing::{Sharing, Uncaptured};
@@ -6,32 +6,34 @@ use crate::error::{Error, Result};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Open device with the adapter's limits; features beyond the core are optional.
+/// Open graphics device with all limits of its adapter. Features beyond the WebGPU core are optional.
 #[derive(Debug)]
 pub struct Gpu {
-    /// The device.
+    /// Open graphics device of wgpu.
     pub device: wgpu::Device,
-    /// Queue of the device.
+    /// Command queue of the graphics device.
     pub queue: wgpu::Queue,
-    /// Name, backend and driver of the adapter.
+    /// Name, backend and driver of the graphics adapter.
     pub info: wgpu::AdapterInfo,
-    /// Whether the hardware filters 32-bit float textures.
+    /// Whether the adapter can filter textures of 32-bit floats.
     pub filters_float32: bool,
-    /// Nanoseconds per timestamp tick, where the adapter has timestamps and is not a software adapter.
+    /// Nanoseconds per tick of the device timestamps; `None` for a software adapter or one without timestamps.
     pub timestamp_period_ns: Option<f32>,
-    /// Counters of shader loops that reach their iteration limit.
+    /// Counters of shader loops that reach their iteration limit, and of shader work.
     pub counters: DeviceCounters,
-    /// Errors that no call returned (validation, out of memory), and the lock on submissions.
+    /// State that threads share: device errors that wgpu reports outside of calls (validation, out of memory), and
+    /// the lock on submissions.
     pub sharing: Sharing,
     lost: DeviceLoss,
 }
 
-/// Reason of a device's loss; clones share it.
+/// Reason why the graphics device was lost, if it was; all clones refer to the same state.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceLoss(Arc<Mutex<Option<String>>>);
 
 impl DeviceLoss {
-    /// Returns the driver's reason once the device is lost; none of its resources can be used from then on.
+    /// Returns the driver's reason once the graphics device is lost. No resource of a lost device can be used any
+    /// more.
     pub fn reason(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -41,10 +43,11 @@ const NO_ADAPTER_HINT: &str = "install a Vulkan driver; without a GPU a software
     (Debian/Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1)";
 
 impl Gpu {
-    /// Opens the adapter whose name contains `name` (any case), or the system's preferred adapter.
+    /// Opens the graphics adapter whose name contains `name` (any case), or the system's preferred adapter.
     ///
     /// # Errors
-    /// No adapter, none of that name, or one without compute; a hint says how to get a software adapter.
+    /// There is no adapter, none has that name, or it has no compute shaders. A hint says how to get a software
+    /// adapter.
     pub fn open(name: Option<&str>) -> Result<Self> {
         let adapter = choose(name)?;
         let info = adapter.get_info();
@@ -53,7 +56,8 @@ impl Gpu {
         Ok(Self::from_parts(&adapter, device, queue))
     }
 
-    /// Descriptor of the device: all the adapter's limits, and the optional features that it has.
+    /// Returns the descriptor with which the graphics device is opened: all limits of the adapter, and the optional
+    /// features that it has.
     pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::FLOAT32_FILTERABLE
@@ -66,7 +70,7 @@ impl Gpu {
         }
     }
 
-    /// Wraps a device that was opened with [`Self::device_descriptor`], such as a window's.
+    /// Wraps an open device, such as that of a window. It must have been opened with [`Self::device_descriptor`].
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let features = device.features();
@@ -85,8 +89,8 @@ impl Gpu {
         let timestamp_period_ns = features
             .contains(wgpu::Features::TIMESTAMP_QUERY)
             .then(|| queue.get_timestamp_period())
-            // A software adapter's timestamps need not enclose the work (lavapipe reported 0.04 ms for a pass of 75 ms). Its
-            // work runs on the host, and so the wall clock is right.
+            // A software adapter's timestamps need not enclose the work (lavapipe reported 0.04 ms for a pass of 75
+            // ms). Its work runs on the host, and so the wall clock is right.
             .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
         tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
         Self {
@@ -101,24 +105,24 @@ impl Gpu {
         }
     }
 
-    /// Handle that reports the loss of the device.
+    /// Returns a handle that tells whether and why the graphics device was lost.
     pub fn loss(&self) -> DeviceLoss {
         self.lost.clone()
     }
 
-    /// Returns the first error since the last call that no call of this thread returned.
+    /// Returns an error if wgpu has reported an uncaptured device error of this thread since the last `take_error`.
     pub fn take_error(&self) -> Result<()> {
         let failed =
             |e: Uncaptured| Err(Error::runtime("the graphics device failed", &self.info.name, e.why));
         self.sharing.take_error().map_or(Ok(()), failed)
     }
 
-    /// Submits commands, once no thread holds submissions back.
+    /// Submits commands to the graphics device. It first waits while another thread holds submissions back.
     pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
         self.sharing.unheld(|| self.queue.submit(commands))
     }
 
-    /// Submits commands and returns the time of the submission.
+    /// Submits commands to the graphics device, and returns the time of the submission.
     pub fn submit_timed<I: IntoIterator<Item = wgpu::CommandBuffer>>(
         &self,
         commands: I,
@@ -126,7 +130,7 @@ impl Gpu {
         self.sharing.unheld(|| (Instant::now(), self.queue.submit(commands)))
     }
 
-    /// Waits for the end of a submission, not for later ones of other threads.
+    /// Waits until the device has finished a submission, but not for later submissions of other threads.
     pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.device
             .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
@@ -134,7 +138,7 @@ impl Gpu {
         self.take_error()
     }
 
-    /// Refuses a 2-D texture that the adapter cannot hold.
+    /// Returns an error if a 2-D texture is larger than the adapter allows.
     pub fn check_texture(&self, label: &str, [width, height]: [u32; 2]) -> Result<()> {
         let limit = self.device.limits().max_texture_dimension_2d;
         if width.max(height) > limit {
@@ -144,7 +148,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Refuses a buffer that the adapter cannot bind.
+    /// Returns an error if a storage buffer is larger than the adapter can bind.
     pub(super) fn check_storage(&self, label: &str, bytes: u64) -> Result<()> {
         let limits = self.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -160,12 +164,13 @@ impl Gpu {
     }
 }
 
-/// Largest side of 3-D textures on the system's preferred adapter; `None` without an adapter.
+/// Returns the largest side of 3-D textures on the system's preferred adapter, in texels; `None` without an adapter.
 pub fn texture_side() -> Option<usize> {
     choose(None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
 }
 
-/// One instance for the process: NVIDIA's driver (580.159) finds no adapter for the 31st, even if all others are dropped.
+/// Single wgpu instance of the process. NVIDIA's driver (580.159) finds no adapter for the 31st instance, even if all
+/// others are dropped.
 static INSTANCE: LazyLock<wgpu::Instance> =
     LazyLock::new(|| wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle()));
 

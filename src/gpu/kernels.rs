@@ -1,4 +1,4 @@
-//! Compute pipelines of one device: compiled at first use, run and timed.
+//! Compute pipelines of one graphics device: compiled at first use, run and timed.
 
 use super::quirks::SOFTWARE_ADAPTER;
 use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
@@ -7,25 +7,25 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Key of a compiled pipeline: its shader and the layouts of groups 0, 1 and 2.
+/// Cache key of a compiled compute pipeline: its shader and the layouts of its bind groups.
 type PipelineKey = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
 
-/// Device with its compiled pipelines; immutable apart from that cache.
+/// Graphics device with a cache of its compiled compute pipelines.
 pub struct Kernels {
     gpu: Gpu,
     timer: PassTimer,
     store: Option<PipelineStore>,
-    /// Whether uniforms of groups 1 and 2 are read as storage, see [`Self::new`].
+    /// Whether shaders read uniforms of bind groups 1 and 2 as storage buffers, see [`Self::new`].
     live: bool,
-    /// Whether pipelines count their work, see [`Self::counting_work`].
+    /// Whether shaders count their work, see [`Self::counting_work`].
     counting: AtomicBool,
     pipelines: Mutex<HashMap<PipelineKey, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Kernels {
-    /// `live`: a software adapter binds uniforms of groups 1 and 2 as read-only storage. llvmpipe compiles the values of
-    /// uniforms into its code, which makes a picture faster, but the first one under every other light slower by hundreds of
-    /// milliseconds.
+    /// Creates an empty pipeline cache for a graphics device. With `live`, a software adapter binds uniforms of bind
+    /// groups 1 and 2 as read-only storage buffers. Otherwise llvmpipe compiles uniform values into its code:
+    /// pictures become faster, but the first one under each new light takes hundreds of milliseconds longer.
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
@@ -33,22 +33,22 @@ impl Kernels {
         Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
-    /// Device.
+    /// Returns the graphics device of these compute pipelines.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Slot of a `var<uniform>` of group 1 or 2.
+    /// Creates the binding of a `var<uniform>` buffer in bind group 1 or 2.
     pub fn uniform<'a>(&self, uniform: &'a wgpu::Buffer) -> Slot<'a> {
         if self.live { Slot::read(uniform.as_entire_binding()) } else { Slot::uniform(uniform) }
     }
 
-    /// Bind group of slots, each with its `@binding`.
+    /// Creates a bind group of shader resources, each with its `@binding` number.
     pub fn group(&self, label: &str, slots: &[(u32, Slot<'_>)]) -> Group {
         Group::new(&self.gpu, label, slots)
     }
 
-    /// Pipeline of a variant with these groups, compiled at the first call.
+    /// Returns the compute pipeline of a shader variant with the given bind groups; the first call compiles it.
     ///
     /// # Errors
     /// The shader does not compile: a fault of this program or of the driver.
@@ -94,10 +94,11 @@ impl Kernels {
         Ok(pipeline)
     }
 
-    /// Runs passes with shaders that count their work, and returns the counts. These shaders are slower: do not time them.
+    /// Runs compute passes with shaders that count their work, and returns the counts. These shaders are slower: do
+    /// not time them.
     ///
     /// # Errors
-    /// Errors of `passes`, or a lost device.
+    /// `passes` fails, or the device is lost.
     pub fn counting_work<T>(&self, passes: impl FnOnce() -> Result<T>) -> Result<(T, Work)> {
         self.take_work()?;
         self.counting.store(true, Ordering::Relaxed);
@@ -112,7 +113,8 @@ impl Kernels {
         Ok(self.gpu.counters.take_work(&self.gpu.queue, &words))
     }
 
-    /// Runs a pipeline with `size` workgroups and waits for it; a size of 0 runs nothing.
+    /// Runs a compute pipeline with `size` workgroups, and waits until it is done. It runs nothing if a component of
+    /// `size` is 0.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -126,7 +128,8 @@ impl Kernels {
         self.run_all(label, &[(variant, size)], groups)
     }
 
-    /// Runs pipelines one after another with the same groups in one submission, and waits for it.
+    /// Runs compute pipelines one after another with the same bind groups in one submission, and waits until they are
+    /// done.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -144,8 +147,8 @@ impl Kernels {
         })
     }
 
-    /// Runs a pipeline once per step, each with its own last group and size, and waits for all of them. A step sees what
-    /// earlier steps stored.
+    /// Runs a compute pipeline once per step, and waits until all steps are done. Each step has its own last bind
+    /// group and dispatch size, and reads what earlier steps stored.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -164,7 +167,7 @@ impl Kernels {
         })
     }
 
-    /// Submits a pipeline without waiting for it.
+    /// Submits a compute pipeline to the device, without waiting for it.
     ///
     /// # Errors
     /// The shader does not compile.

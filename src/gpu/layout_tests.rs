@@ -1,9 +1,9 @@
-//! Layouts of structs in WGSL, for tests that compare them with the structs in Rust.
+//! Memory layouts of WGSL structs, for tests that compare them with the Rust structs.
 
 use super::{ShaderVariant, compose};
 use wgpu::naga;
 
-/// Size of a struct, and names and offsets of its members without paddings.
+/// Returns the size of a WGSL struct, and the names and offsets of its members without padding.
 pub fn wgsl_layout(variant: &ShaderVariant, name: &str) -> (usize, Vec<(String, usize)>) {
     let module = compose(variant, false).unwrap();
     let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {
@@ -19,7 +19,7 @@ pub fn wgsl_layout(variant: &ShaderVariant, name: &str) -> (usize, Vec<(String, 
     found.unwrap_or_else(|| panic!("{name} is not in {}", variant.entry))
 }
 
-/// Asserts that a struct of a variant and one of Rust have the same size, members and offsets.
+/// Asserts that a WGSL struct and a Rust struct have the same size, members and offsets.
 macro_rules! assert_layout {
     ($variant:expr, $name:literal, $ty:ty: $($field:ident),* $(,)?) => {
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The graphics device: limits, buffers, textures, bind groups, pipelines, timestamps.
+//! Graphics device (wgpu): limits, buffers, textures, bind groups, compute pipelines, timestamps.
 
 mod bindings;
 mod buffers;

@@ -1,26 +1,29 @@
-//! Cache of compiled pipelines on disk, where the adapter supports it.
+//! Cache of compiled compute pipelines on disk, where the adapter supports it.
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Largest cache that is read: the pipelines of older versions never leave it, and so it is started anew beyond this size.
+/// Largest file of the pipeline cache that is read, in bytes. Pipelines of older versions never leave the cache, and
+/// so it is started anew beyond this size.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// Adapter's pipeline cache and its file: `umbravox/wgpu_pipeline_cache_...` in the user's cache folder.
+/// Cache of an adapter's compiled pipelines, with its file `umbravox/wgpu_pipeline_cache_...` in the user's cache
+/// folder.
 ///
-/// A file that cannot be read or written, or that is from another driver, means that pipelines are compiled.
+/// If the file cannot be read or written, or comes from another driver, pipelines are compiled anew.
 #[derive(Debug)]
 pub struct PipelineStore {
-    /// Cache that pipelines are created with.
+    /// Pipeline cache of wgpu, with which compute pipelines are created.
     pub cache: wgpu::PipelineCache,
     file: PathBuf,
-    /// Content of the file when it was read.
+    /// Content of the pipeline cache's file when it was read.
     stored: Option<Vec<u8>>,
 }
 
 impl PipelineStore {
-    /// Opens the cache of a device; `None` where the adapter has none or the user no cache folder.
+    /// Opens the pipeline cache of a device. Returns `None` if the adapter does not support one, or if the user has
+    /// no cache folder.
     pub fn open(device: &wgpu::Device, info: &wgpu::AdapterInfo) -> Option<Self> {
         let folder = dirs::cache_dir()?.join("umbravox");
         Self::open_in(&folder, device, info)
@@ -33,8 +36,8 @@ impl PipelineStore {
         let file = folder.join(wgpu::util::pipeline_cache_key(info)?);
         let small = fs::metadata(&file).is_ok_and(|m| m.len() <= MOST_BYTES);
         let stored = if small { fs::read(&file).ok() } else { None };
-        // SAFETY: only this type writes the file, whole or not at all, with data from wgpu. wgpu and the driver check its
-        // headers against the versions of adapter and driver.
+        // SAFETY: only this type writes the file, whole or not at all, with data from wgpu. wgpu and the driver check
+        // its headers against the versions of adapter and driver.
         let cache = unsafe {
             device.create_pipeline_cache(&wgpu::PipelineCacheDescriptor {
                 label: Some("pipelines"),
@@ -45,7 +48,7 @@ impl PipelineStore {
         Some(Self { cache, file, stored })
     }
 
-    /// Writes the cache, unless the file already has this content.
+    /// Writes the pipeline cache to its file, unless the file already has this content.
     fn save(&self) -> std::io::Result<()> {
         let Some(data) = self.cache.get_data().filter(|d| self.stored.as_ref() != Some(d)) else {
             return Ok(());

@@ -1,30 +1,33 @@
-//! Tuning for software adapters (llvmpipe), and limits that follow from their limits; `shaders/field/quirks.wgsl` is the part
-//! of the shaders.
+//! Tuning for software adapters (llvmpipe), and the loop limits of shaders that these adapters require.
+//! `shaders/field/quirks.wgsl` is the counterpart in the shaders.
 //!
-//! llvmpipe ends the loops of an invocation after 65,536 iterations in all. The limits below apply on every adapter, so that
-//! results do not depend on it. Everything else is switched by [`Gpu::is_software`].
+//! llvmpipe ends the loops of a shader invocation after 65,536 iterations in all, without an error. The limits below
+//! apply on every adapter, so that results do not depend on the adapter. [`Gpu::is_software`] selects all other
+//! tuning.
 
 use super::Gpu;
 
-/// Definition of shaders for software adapters.
+/// Name of the shader definition for software adapters.
 pub(super) const SOFTWARE_ADAPTER: &str = "SOFTWARE_ADAPTER";
 
-/// Regular samples of a light ray, each of which takes up to 8 iterations.
+/// Largest number of regular samples along a light ray; each takes up to 8 loop iterations.
 pub const MAX_LIGHT_SAMPLES: u32 = 8192;
-/// Steps of the regular lattices of all rays of a texel, each of which takes about 6 iterations.
+/// Largest number of regular depth steps of all light rays of a deep-shadow-map texel together; each takes about 6
+/// loop iterations.
 pub const MAX_LATTICE_STEPS: u32 = 4096;
-/// Steps of these lattices if each is marched cell by cell, which takes about 12 iterations more.
+/// Largest number of regular depth steps of all light rays of a deep-shadow-map texel together, if each step is
+/// marched cell by cell. A step then takes about 12 loop iterations more.
 pub const MAX_LATTICE_MARCHES: u32 = 3000;
 
 impl Gpu {
-    /// Whether the adapter runs on the processor.
+    /// Whether the graphics adapter is a software adapter, which runs on the processor.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Returns a side of a texture with room for `side` texels. On software adapters it is no power of two, if textures may be
-    /// that large: llvmpipe compiles a shader again, for half a second, when a side of a texture becomes a power of two or
-    /// ceases to be one, as sides of shadow maps do while the camera moves.
+    /// Returns a side of a texture with room for `side` texels. On software adapters it avoids a power of two, if
+    /// textures may be that large. llvmpipe recompiles a shader, for half a second, when a side becomes a power of
+    /// two or ceases to be one. Sides of shadow maps do so while the camera moves.
     pub fn texture_side(&self, side: u32) -> u32 {
         let padded = if side.is_power_of_two() { (side + 1).max(3) } else { side };
         let fits = padded <= self.device.limits().max_texture_dimension_2d;
@@ -32,8 +35,9 @@ impl Gpu {
     }
 }
 
-/// Orders rows of workgroups for software adapters, which deal workgroups to their threads in contiguous shares although
-/// neighbours cost alike: each share, of up to 16, is spread over all rows, as `workgroup_item` of the shaders does.
+/// Reorders rows of workgroups to balance the load of software adapters. These give each thread a contiguous share of
+/// the workgroups, although neighbours cost alike. The new order spreads each of up to 16 shares over all rows, like
+/// `workgroup_item` in the shaders.
 pub fn interleave_rows(rows: &mut [u32]) {
     rows.sort_by_key(|y| (*y as u8 & 15).reverse_bits());
 }

@@ -1,4 +1,4 @@
-//! Shader variants: the WGSL modules of a pipeline, composed by naga_oil.
+//! Shader variants: the WGSL modules of a compute pipeline, composed by naga_oil.
 
 use crate::error::{Error, Result};
 use include_dir::{Dir, include_dir};
@@ -9,7 +9,7 @@ use wgpu::naga;
 
 static SHADERS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/shaders");
 
-/// Number that host and shaders share: shaders write it as `#{NAME}`.
+/// Numeric constant that host and shaders share; WGSL code writes it as `#{NAME}`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Constant {
     name: &'static str,
@@ -20,22 +20,22 @@ pub struct Constant {
 enum Literal {
     Unsigned(u32),
     Signed(i32),
-    /// Bits of an `f32`.
+    /// Bit pattern of a shader constant of type `f32`.
     Float(u32),
 }
 
 impl Constant {
-    /// Constant of type `u32`.
+    /// Creates a shader constant of type `u32`.
     pub const fn unsigned(name: &'static str, value: u32) -> Self {
         Self { name, value: Literal::Unsigned(value) }
     }
 
-    /// Constant of type `i32`.
+    /// Creates a shader constant of type `i32`.
     pub const fn signed(name: &'static str, value: i32) -> Self {
         Self { name, value: Literal::Signed(value) }
     }
 
-    /// Constant of type `f32`.
+    /// Creates a shader constant of type `f32`.
     pub const fn float(name: &'static str, value: f32) -> Self {
         Self { name, value: Literal::Float(value.to_bits()) }
     }
@@ -50,48 +50,48 @@ impl Constant {
     }
 }
 
-/// Files, definitions and constants of one pipeline.
+/// Shader of one compute pipeline: its WGSL files, definitions and constants.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ShaderVariant {
-    /// File with the entry point, e.g. `render/raycast.wgsl`.
+    /// WGSL file with the shader's entry point, e.g. `render/raycast.wgsl`.
     pub entry: &'static str,
-    /// Modules in the order of composition. Several files define the import paths `umbravox::sink` and `umbravox::method`:
-    /// a variant lists one of them.
+    /// WGSL modules of the shader, in the order of composition. Several files define each of the import paths
+    /// `umbravox::sink` and `umbravox::method`; a variant lists one of them.
     pub modules: Vec<&'static str>,
-    /// Names defined for `#ifdef`.
+    /// Names that the shader defines for `#ifdef` in WGSL.
     pub defs: Vec<&'static str>,
-    /// Values of `#{NAME}`.
+    /// Values of the shader constants that WGSL code writes as `#{NAME}`.
     pub constants: Vec<Constant>,
 }
 
 impl ShaderVariant {
-    /// Variant of one file without modules.
+    /// Creates a shader variant of one WGSL file, without modules.
     pub fn of(entry: &'static str) -> Self {
         Self { entry, modules: Vec::new(), defs: Vec::new(), constants: Vec::new() }
     }
 
-    /// Appends modules.
+    /// Appends WGSL modules to the shader variant.
     #[must_use]
     pub fn modules(mut self, modules: &[&'static str]) -> Self {
         self.modules.extend(modules);
         self
     }
 
-    /// Appends definitions.
+    /// Appends names that WGSL code tests with `#ifdef` to the shader variant.
     #[must_use]
     pub fn defs(mut self, defs: impl IntoIterator<Item = &'static str>) -> Self {
         self.defs.extend(defs);
         self
     }
 
-    /// Appends constants.
+    /// Appends constants to the shader variant.
     #[must_use]
     pub fn constants(mut self, constants: &[Constant]) -> Self {
         self.constants.extend(constants);
         self
     }
 
-    /// Source of a file with the values of its constants.
+    /// Returns the source of a WGSL file, with the values of its constants inserted.
     fn source(&self, path: &str) -> Result<String> {
         let fail = |why: String| Error::runtime("cannot compose shader", path, why);
         let file = SHADERS.get_file(path).and_then(|f| f.contents_utf8());
@@ -107,7 +107,7 @@ impl ShaderVariant {
     }
 }
 
-/// Paths of all files under `shaders/` but those of the window.
+/// Returns the paths of all WGSL files under `shaders/`, except those of the window.
 pub fn shader_paths() -> Vec<&'static str> {
     let mut folders = vec![&SHADERS];
     let mut paths = Vec::new();
@@ -120,11 +120,11 @@ pub fn shader_paths() -> Vec<&'static str> {
     paths
 }
 
-/// Composes a variant to a naga module; with `live`, its uniforms of groups 1 and 2 are read as storage
-/// (see [`Kernels::new`](super::Kernels::new)).
+/// Composes a shader variant to a naga module. With `live`, uniforms of bind groups 1 and 2 are read as storage
+/// buffers (see [`Kernels::new`](super::Kernels::new)).
 ///
 /// # Errors
-/// The shader does not compose, which is a fault of this program; the error has naga's message.
+/// The shader cannot be composed, which is a fault of this program. The error has naga's message.
 pub fn compose(variant: &ShaderVariant, live: bool) -> Result<naga::Module> {
     let fail = |file: &str, why: String| Error::runtime("cannot compose shader", file, why);
     let defs = || variant.defs.iter().map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect();

@@ -1,36 +1,36 @@
-//! Sharing of a device between threads: errors by thread, and a lock on submissions.
+//! Sharing of a graphics device between threads: device errors by thread, and a lock on submissions.
 //!
-//! A window recreates its surface when it is resized. wgpu waits until the device is idle for that, and fails if another
-//! thread submits meanwhile; the window then paints in a size that its surface does not have. The window therefore holds
-//! back the submissions of other threads for a moment. Errors belong to the thread whose call failed, so that an error of
-//! the window does not discard a picture of another thread.
+//! A window recreates its surface when it is resized. wgpu waits until the device is idle for that, and fails if
+//! another thread submits meanwhile; the window then paints in a size that its surface does not have. The window
+//! therefore holds back the submissions of other threads for a moment. Errors belong to the thread whose call failed,
+//! so that an error of the window does not discard a picture of another thread.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
-/// Longest time that submissions are held back, even without a release.
+/// Longest time for which submissions to the device are held back, even without a release.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 
-/// State that the users of one device share; clones refer to the same state.
+/// State that all users of one graphics device share; clones refer to the same state.
 #[derive(Debug, Clone, Default)]
 pub struct Sharing(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// End of the time in which no thread submits.
+    /// Time until which no thread submits commands to the device.
     held: Mutex<Option<Instant>>,
     released: Condvar,
-    /// First error of each thread that no call returned.
+    /// First uncaptured device error of each thread, as wgpu's error callback reported it.
     errors: Mutex<Vec<(ThreadId, Uncaptured)>>,
 }
 
-/// Error that no call returned.
+/// Error of the graphics device that wgpu reports by its callback for uncaptured errors, not as the result of a call.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Uncaptured {
-    /// Message of wgpu.
+    /// Message of an uncaptured device error, as wgpu words it.
     pub why: String,
-    /// Whether the device is out of memory: a repetition would fail as well.
+    /// Whether the error means that the device was out of memory; a repetition would fail too.
     pub out_of_memory: bool,
 }
 
@@ -40,20 +40,21 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Sharing {
-    /// Holds back [`Gpu::submit`](super::Gpu::submit) from the return of this call until [`Self::release`], for a second at
-    /// most.
+    /// Holds back all submissions to the device ([`Gpu::submit`](super::Gpu::submit)) from the return of this call
+    /// until [`Self::release`], for a second at most.
     pub fn hold(&self) {
         *lock(&self.0.held) = Some(Instant::now() + LONGEST_HOLD);
     }
 
-    /// Ends the hold.
+    /// Allows submissions to the device again after [`Self::hold`].
     pub fn release(&self) {
         if lock(&self.0.held).take().is_some() {
             self.0.released.notify_all();
         }
     }
 
-    /// Waits until submissions are not held, and runs `act` while no thread can hold them.
+    /// Waits while submissions to the device are held back, and then runs `act`. No thread can hold them back
+    /// meanwhile.
     pub(super) fn unheld<T>(&self, act: impl FnOnce() -> T) -> T {
         let mut held = lock(&self.0.held);
         while let Some(left) = held.and_then(|until| until.checked_duration_since(Instant::now())) {
@@ -63,7 +64,7 @@ impl Sharing {
         act()
     }
 
-    /// Stores an error of a call of this thread, unless an earlier one has not been taken.
+    /// Stores an uncaptured device error that a call of this thread caused, unless an earlier one is still stored.
     pub(super) fn note(&self, error: &wgpu::Error) {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();
@@ -73,7 +74,7 @@ impl Sharing {
         }
     }
 
-    /// Returns the first error of this thread's calls since the last call.
+    /// Returns the first uncaptured device error that calls of this thread have caused since the last `take_error`.
     pub fn take_error(&self) -> Option<Uncaptured> {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();

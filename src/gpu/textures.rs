@@ -1,4 +1,4 @@
-//! Textures that the host writes or that passes store to.
+//! Device textures that the host writes or that compute passes store to.
 
 use super::{Gpu, Slot};
 use crate::error::Result;
@@ -6,8 +6,8 @@ use bytemuck::Pod;
 use std::ops::Range;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages};
 
-/// Creates a texture without mip levels that shaders read and the host writes. `usage` is added to that; the sides are not
-/// checked.
+/// Creates a texture without mip levels that shaders read and the host writes; `usage` adds further usages. It does
+/// not compare the size with the adapter's limits.
 pub fn texture(
     gpu: &Gpu,
     label: &str,
@@ -28,7 +28,7 @@ pub fn texture(
     })
 }
 
-/// Writes a box of texels, x fastest.
+/// Writes a box of texels into a texture, x fastest.
 pub fn write_texels<T: Pod>(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -46,10 +46,10 @@ pub fn write_texels<T: Pod>(
     gpu.queue.write_texture(to, bytemuck::cast_slice(texels), layout, size);
 }
 
-/// 2-D texture of `texels` (row by row) that shaders load from.
+/// Creates a 2-D texture that holds `texels` (row by row), from which shaders load.
 ///
 /// # Errors
-/// The adapter cannot hold a side.
+/// A side exceeds the adapter's limit on textures.
 pub fn table_texture<T: Pod>(
     gpu: &Gpu,
     label: &str,
@@ -64,10 +64,11 @@ pub fn table_texture<T: Pod>(
     Ok(table.create_view(&Default::default()))
 }
 
-/// 2-D texture that one pass stores to and others load from; texels are 0 where nothing is stored.
+/// Creates a 2-D texture that one compute pass stores to and others load from. Texels to which nothing is stored are
+/// 0.
 ///
 /// # Errors
-/// The adapter cannot hold a side, or the device is out of memory.
+/// A side exceeds the adapter's limit on textures, or the device is out of memory.
 pub fn store_texture(
     gpu: &Gpu,
     label: &str,
@@ -82,7 +83,8 @@ pub fn store_texture(
     Ok(stored.create_view(&Default::default()))
 }
 
-/// Copies the first rows of a [`store_texture`] into another of the same width, and waits for the copy.
+/// Copies the first rows of a texture made by [`store_texture`] into another one of the same width, and waits for the
+/// copy.
 ///
 /// # Errors
 /// The device is lost.
@@ -93,7 +95,7 @@ pub fn copy_rows(gpu: &Gpu, from: &wgpu::TextureView, to: &wgpu::TextureView, ro
     gpu.wait_for(gpu.submit([encoder.finish()]))
 }
 
-/// Sampler that clamps to the edge.
+/// Creates a texture sampler that clamps coordinates to the edge.
 pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
     gpu.device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some("clamp"),
@@ -103,21 +105,23 @@ pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
     })
 }
 
-/// 3-D texture that shaders read and the host writes; its sides are not checked.
+/// Creates a 3-D texture that shaders read and the host writes. It does not compare the size with the adapter's
+/// limits.
 pub fn solid_texture(gpu: &Gpu, label: &str, format: TextureFormat, sides: [u32; 3]) -> wgpu::Texture {
     texture(gpu, label, format, TextureDimension::D3, sides, TextureUsages::empty())
 }
 
-/// 3-D texture: passes store to one of 32-bit floats, other formats are copied to or written by the host.
+/// 3-D texture on the device. Compute passes store to it if its format is one 32-bit float; textures of other formats
+/// are copied to or written by the host.
 pub struct VolumeTexture {
     view: wgpu::TextureView,
 }
 
 impl VolumeTexture {
-    /// Creates a texture of zeros.
+    /// Creates a 3-D texture of zeros.
     ///
     /// # Errors
-    /// The adapter cannot hold a side, or the device is out of memory.
+    /// A side exceeds the adapter's limit on textures, or the device is out of memory.
     pub fn new(gpu: &Gpu, label: &str, format: TextureFormat, sides: [u32; 3]) -> Result<Self> {
         let limit = gpu.device.limits().max_texture_dimension_3d;
         if let Some(side) = sides.iter().find(|side| **side > limit) {
@@ -133,18 +137,20 @@ impl VolumeTexture {
         Ok(Self { view: texture.create_view(&Default::default()) })
     }
 
-    /// Slot of a `texture_storage_3d<format, write>`.
+    /// Returns the binding through which shaders write the 3-D texture, a `texture_storage_3d<format, write>`.
     pub fn store_slot(&self) -> Slot<'_> {
         Slot::store_in(&self.view, self.view.texture().format(), wgpu::TextureViewDimension::D3)
     }
 
-    /// Slot of a `texture_3d<f32>`, with or without hardware filtering.
+    /// Returns the binding through which shaders read the 3-D texture, a `texture_3d<f32>` with or without hardware
+    /// filtering.
     pub fn slot(&self, filterable: bool) -> Slot<'_> {
         let sample_type = wgpu::TextureSampleType::Float { filterable };
         Slot::texture(&self.view, sample_type, wgpu::TextureViewDimension::D3)
     }
 
-    /// Copies layers from the start of a buffer whose rows are `row_bytes` apart.
+    /// Copies data from the start of a buffer into layers of the 3-D texture. Rows in the buffer are `row_bytes`
+    /// apart.
     pub fn copy_layers(&self, gpu: &Gpu, from: &wgpu::Buffer, row_bytes: u32, layers: Range<u32>) {
         let texture = self.view.texture();
         let rows_per_image = Some(texture.size().height);
@@ -160,7 +166,7 @@ impl VolumeTexture {
         gpu.submit([encoder.finish()]);
     }
 
-    /// Writes one layer, x fastest.
+    /// Writes one layer of the 3-D texture from host memory, x fastest.
     pub fn write_layer<T: Pod>(&self, gpu: &Gpu, layer: u32, texels: &[T]) {
         let texture = self.view.texture();
         write_texels(gpu, texture, [0, 0, layer], [texture.width(), texture.height(), 1], texels);

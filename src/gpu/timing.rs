@@ -1,4 +1,4 @@
-//! Milliseconds of a compute pass: by the adapter's timestamps where it has them, by the wall clock otherwise.
+//! Duration of a compute pass, ms: by device timestamps where the adapter has them, otherwise by the wall clock.
 
 use super::Gpu;
 use super::buffers::{buffer, read_staging, staging_buffer};
@@ -6,13 +6,13 @@ use super::counters::LOOP_COUNTER_BYTES;
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
-/// Clock of a duration.
+/// Clock with which a duration was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
-    /// Timestamps of the adapter around the passes.
+    /// Clock of the device: timestamps before and after the compute passes.
     GpuTimestamps,
-    /// The host's clock from before the submission until the device is idle.
+    /// Clock of the host: wall time from before the submission until the device is idle.
     Wall,
 }
 
@@ -25,42 +25,44 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// Duration on both clocks.
+/// Duration of work on the device, measured by device timestamps and by the host clock.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Span {
-    /// Milliseconds by timestamps, where the adapter has them.
+    /// Duration by device timestamps, ms; `None` if the adapter has none.
     pub gpu_ms: Option<f64>,
-    /// Milliseconds by the host's clock, from before the submission until the device is idle.
+    /// Duration by the host clock, from before the submission until the device is idle, ms.
     pub wall_ms: f64,
 }
 
 impl Span {
-    /// Sum of two spans.
+    /// Returns the sum of two durations, for each clock.
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
         let gpu_ms = self.gpu_ms.zip(next.gpu_ms).map(|(a, b)| a + b);
         Self { gpu_ms, wall_ms: self.wall_ms + next.wall_ms }
     }
 
-    /// Milliseconds of the better clock, and its name.
+    /// Returns the duration in ms by device timestamps, or by the host clock if there are none, and the name of the
+    /// clock.
     pub fn best(&self) -> (f64, Clock) {
         self.gpu_ms.map_or((self.wall_ms, Clock::Wall), |ms| (ms, Clock::GpuTimestamps))
     }
 }
 
-/// Timer of compute passes, one submission at a time.
+/// Timer of compute passes on the device, one submission at a time.
 pub struct PassTimer {
-    /// Two timestamps and the buffer that they are resolved to, used by one pass at a time.
+    /// Query set of two timestamps and the buffer that they are resolved to, used by one compute pass at a time.
     queries: Option<Mutex<(wgpu::QuerySet, wgpu::Buffer)>>,
 }
 
-/// Bytes of two timestamps.
+/// Bytes of two device timestamps.
 const TICKS_BYTES: u64 = 16;
-/// Bytes that the host reads after a pass: its timestamps (0 without any) and the count of loops at their limit.
+/// Bytes that the host reads after a compute pass: its timestamps (0 without any) and the count of shader loops at
+/// their limit.
 const REPORT_BYTES: u64 = TICKS_BYTES + LOOP_COUNTER_BYTES;
 
 impl PassTimer {
-    /// Creates the timestamps where the adapter has them.
+    /// Creates a timer of compute passes, with device timestamps where the adapter has them.
     pub fn new(gpu: &Gpu) -> Self {
         let queries = gpu.timestamp_period_ns.map(|_| {
             let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -77,7 +79,7 @@ impl PassTimer {
 
     /// Records one compute pass, submits it, waits for it and returns its duration.
     ///
-    /// The submission that timestamps measure copies them too: reading them needs no second wait.
+    /// The measured submission also copies its timestamps, so that reading them needs no second wait.
     ///
     /// # Errors
     /// The device is lost, or a loop reached its iteration limit (see [`DeviceCounters`](super::DeviceCounters)).

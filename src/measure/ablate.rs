@@ -1,4 +1,5 @@
-//! Ablation of the plan's optimizations: times and bytes with each one disabled, beside those with it enabled.
+//! Ablation study of the renderer's optimizations: times and memory with each optimization disabled, beside those
+//! with it enabled.
 
 use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::progress::{Progress, Step, StepKind};
@@ -10,59 +11,63 @@ use crate::shadow::{BuildReport, Method};
 use serde::Serialize;
 use std::time::Instant;
 
-/// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
+/// Row of the ablation table: one shadow method with one renderer optimization disabled and enabled. Times are
+/// medians of interleaved rounds.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ablation {
-    /// Volume and transfer function, or the name of the scene file.
+    /// Name of the scene: volume and transfer function, or the scene file.
     pub scene: String,
-    /// Graphics adapter that the times are from.
+    /// Name of the graphics adapter on which the times were measured.
     pub adapter: String,
-    /// Clock of build and frame times; tables are built by the host.
+    /// Clock of the shadow map's build time and of the frame time. Tables of the transfer function are always timed
+    /// by the host's clock.
     pub clock: Option<&'static str>,
-    /// Shadow method.
+    /// Name of the shadow method.
     pub method: String,
-    /// Settings of the method as `key=value` texts separated by spaces.
+    /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// Name for `--no-skip`.
+    /// Name of the disabled optimization, as `--no-skip` takes it.
     pub omission: String,
-    /// Name of the work that the plan skipped.
+    /// Name of the rendering work that the optimization skips.
     pub what: String,
-    /// Why it could.
+    /// Reason why the scene does not need the work that the optimization skips.
     pub why: String,
-    /// Tables of the transfer function and the bricks' classes.
+    /// Time to compute the transfer function's lookup tables and to classify bricks of the volume, with the
+    /// optimization enabled, ms.
     pub tables_ms: Option<f64>,
-    /// Time to make the transfer function's tables and the bricks' classes with the optimization disabled, ms.
+    /// Time to compute the transfer function's lookup tables and to classify bricks of the volume, with the
+    /// optimization disabled, ms.
     pub tables_ms_forced: Option<f64>,
-    /// Time to make the shadow structure, ms.
+    /// Time to build the shadow map with the optimization enabled, ms.
     pub build_ms: Option<f64>,
-    /// Time to make the shadow structure with the optimization disabled, ms.
+    /// Time to build the shadow map with the optimization disabled, ms.
     pub build_ms_forced: Option<f64>,
-    /// Time of one picture with a built structure, ms.
+    /// Time to render one picture with the shadow map already built and the optimization enabled, ms.
     pub frame_ms: Option<f64>,
-    /// Time of one picture with the optimization disabled and a built structure, ms.
+    /// Time to render one picture with the shadow map already built and the optimization disabled, ms.
     pub frame_ms_forced: Option<f64>,
-    /// Shadow structure, tables and bricks.
+    /// Memory of the shadow map, transfer function tables and brick data with the optimization enabled, bytes.
     pub bytes: Option<u64>,
-    /// Memory of shadow structure, tables and bricks with the optimization disabled, bytes.
+    /// Memory of the shadow map, transfer function tables and brick data with the optimization disabled, bytes.
     pub bytes_forced: Option<u64>,
-    /// Largest channel difference of the two pictures.
+    /// Largest difference in any colour channel between the pictures with the optimization enabled and disabled.
     pub picture_difference: Option<f64>,
-    /// Why a figure is missing.
+    /// Explanation of empty values in this row of the ablation table, such as an error message.
     pub note: String,
 }
 
-/// Times, memory and picture of one run of a variant.
+/// Times, memory and picture of one run of a shadow method with a given set of disabled optimizations.
 struct Run {
     times: StageTimes,
     bytes: u64,
     picture: Picture,
 }
 
-/// Measures every omission of every method's plan that can be forced. What fails is a row that says why in its note: one
-/// for the whole method where that cannot be built or drawn as it is.
+/// Measures every optimization that can be disabled, for every shadow method. A failure becomes a row with the error
+/// in its `note`. A method that fails with all optimizations enabled gets one such row.
 ///
 /// # Errors
-/// It was ended on request.
+/// The user cancelled the measurement.
 pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Result<Vec<Ablation>> {
     let mut rows = Vec::new();
     for method in methods {
@@ -77,13 +82,13 @@ pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -
     Ok(rows)
 }
 
-/// Progress step that [`ablate`] begins once for each method.
+/// Returns the progress step that [`ablate`] begins once for each shadow method.
 pub fn step(method: &dyn Method) -> Step {
     Step::new(StepKind::Ablation, &name_of(method))
 }
 
 impl Ablation {
-    /// A row of which nothing is measured yet.
+    /// Creates a row of the ablation table without measured values.
     fn of(job: &Job, method: &dyn Method) -> Self {
         Self {
             scene: job.scene_name.clone(),
@@ -104,7 +109,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
         .into_iter()
         .chain(omissions.iter().map(|(optional, _)| base.and(DisabledOptimizations::only(*optional))))
         .collect();
-    // The first run of each, which warms its pipelines up, is also the one whose picture and bytes count.
+    // The first run of each variant warms up its pipelines; it also supplies the picture and the memory.
     let rounds = if lean.times.frame.best().0 > SLOW_FRAME_MS { 1 } else { job.effort.repeats };
     let first: Vec<Result<Run>> = variants[1..].iter().map(|v| run(job, method, *v)).collect();
     let mut turns: Vec<Turns> = variants
@@ -145,7 +150,8 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     Ok(rows.collect())
 }
 
-/// Everything anew from the volume on the device: tables, bricks, structure and picture.
+/// Recomputes everything that depends on the transfer function, from a volume on the device: its tables, brick
+/// classes, shadow maps and one picture.
 fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<Run> {
     let (renderer, loaded) = (&job.session.renderer, &job.session.loaded);
     let transfer = renderer.transfer(loaded, job.tf, forced)?;

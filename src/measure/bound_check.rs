@@ -1,67 +1,76 @@
-//! Check that a method's transmittance lies within its error bound around the exact curve.
+//! Test whether a shadow method's transmittance along light rays lies within its error bound around the exact
+//! transmittance curve.
 //!
-//! Transmittance never rises with depth, so a tolerance of `b` in transmittance and `d` in depth is the interval
-//! `T_exact(z + d) - b <= T_method(z) <= T_exact(z - d) + b`. At a jump of the transfer function no sampled
-//! method can satisfy a purely vertical bound; the depth tolerance is what makes a bound possible there.
+//! Transmittance never increases with depth. A bound with the tolerances `b` in transmittance and `d` in depth is
+//! therefore the interval `T_exact(z + d) - b <= T_method(z) <= T_exact(z - d) + b`. At a jump of the transfer
+//! function, no sampled method can satisfy a bound in transmittance alone. The tolerance in depth makes a bound
+//! possible there.
 //!
-//! Where the ray grazes a surface, float32 decides whether it meets it. A bound then applies to the rays and values that
-//! float32 cannot tell from the exact ones (`Bound::lateral_mm`, `Bound::value`): depths outside the interval of
-//! the exact curve are compared with a [`RoundingEnvelope`]. The report counts them.
+//! Where a light ray grazes a surface, float32 rounding decides whether the ray meets it. A bound then applies to all
+//! rays and values that float32 cannot distinguish from the exact ones (`Bound::lateral_mm`, `Bound::value`). Depths
+//! outside the interval of the exact curve are therefore compared with a [`RoundingEnvelope`]. The report counts
+//! these depths.
 
 use super::rounding_envelope::RoundingEnvelope;
 use super::test_depths::sort_distinct;
 use crate::shadow::Bound;
 use serde::Serialize;
 
-/// Slack for the exact curve's own rounding, in transmittance.
+/// Tolerance for the rounding of the exact transmittance curve itself, in transmittance.
 pub const EXACT_ROUNDING: f64 = 1e-12;
 
-/// Deviation of a method from the exact curve at one depth of one ray.
+/// Deviation of a shadow method's transmittance from the exact transmittance at one depth of one light ray.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Deviation {
-    /// Number of the ray, passed to [`BoundReport::of_ray`].
+    /// Index of the light ray, as passed to [`BoundReport::of_ray`].
     pub ray: usize,
-    /// Along the ray, mm.
+    /// Depth along the light ray at which the deviation was measured, mm.
     pub depth_mm: f64,
-    /// The method's transmittance.
+    /// Transmittance from the light to the depth of the deviation, by the shadow method.
     pub t_method: f64,
-    /// Exact transmittance at the depth of the deviation.
+    /// Exact transmittance from the light to the depth of the deviation.
     pub t_exact: f64,
-    /// The amount concerned: `|t_method - t_exact|`, or the distance outside the interval. Infinite where the
-    /// method's value is not a number.
+    /// Size of the deviation in transmittance: `|t_method - t_exact|`, or the distance outside the interval that the
+    /// error bound allows. Infinite where the method's transmittance is NaN.
     pub amount: f64,
 }
 
-/// Accumulated result of testing a method's transmittance along rays against the exact curves and the error bound.
+/// Result of testing a shadow method's transmittance along light rays against the exact transmittance and the error
+/// bound.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct BoundReport {
-    /// Rays tested.
+    /// Number of light rays tested.
     pub rays: usize,
-    /// Depths tested, over all rays.
+    /// Number of depths tested, over all light rays.
     pub depths: usize,
-    /// Largest difference without tolerances; its amount is `ray_err_max`.
+    /// Deviation with the largest `|T_method - T_exact|`, without the tolerances of the error bound. Its amount is
+    /// the column `ray_err_max`.
     pub largest: Option<Deviation>,
-    /// Depths that violate the error bound.
+    /// Number of tested depths that violate the method's error bound.
     pub violations: usize,
-    /// Depths that satisfy the error bound only by the rounding envelope of the exact curve.
+    /// Number of tested depths that satisfy the method's error bound only within the rounding envelope of the exact
+    /// transmittance curve.
     pub limited: usize,
-    /// Distance of the worst depth outside its interval; negative inside.
+    /// Largest distance of a tested depth's transmittance outside the interval of the error bound. Negative where all
+    /// depths lie inside.
     pub margin: Option<f64>,
-    /// The depth farthest outside its interval.
+    /// Violation of the error bound with the largest distance outside the allowed interval.
     pub worst: Option<Deviation>,
-    /// Whether an error bound was tested.
+    /// Whether the shadow method states an error bound, which was then tested.
     has_bound: bool,
 }
 
 impl BoundReport {
-    /// Tests one ray: `values[i]` is the method's transmittance at `depths_mm[i]`, and `exact` the exact transmittance
-    /// from the light to any depth (mm). Without a `bound` only the plain difference is taken.
+    /// Tests one light ray: `values[i]` is the method's transmittance at `depths_mm[i]`, and `exact` returns the
+    /// exact transmittance from the light to any depth (mm). Without a `bound`, only `|T_method - T_exact|` is
+    /// measured.
     ///
-    /// Where a depth lies outside the interval of the exact curve, `envelope` is called with the depths (mm, ascending)
-    /// at which the envelope of the curves that float32 cannot tell from the exact one must be known.
+    /// If a depth lies outside the interval of the exact curve, `envelope` is called with depths (mm, ascending). It
+    /// returns the rounding envelope with values at these depths: bounds of the curves that float32 cannot
+    /// distinguish from the exact one.
     ///
     /// # Panics
-    /// If the two slices differ in length.
+    /// `depths_mm` and `values` differ in length.
     pub fn of_ray(
         ray: usize,
         exact: &impl Fn(f64) -> f64,
@@ -106,7 +115,7 @@ impl BoundReport {
             let outside = envelope.as_ref().map_or(suspect.amount, |envelope| {
                 let lowest = envelope.least(z + bound.depth_mm) - bound.transmittance;
                 let highest = envelope.most(z - bound.depth_mm) + bound.transmittance;
-                // What is not a number is outside of everything.
+                // NaN lies outside every interval.
                 if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
             });
             report.margin = larger(report.margin, Some(outside));
@@ -120,7 +129,7 @@ impl BoundReport {
         report
     }
 
-    /// Merges the reports of two sets of rays; the order of merging does not matter.
+    /// Merges the test results of two sets of light rays. The order of merging does not matter.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         Self {
@@ -135,12 +144,13 @@ impl BoundReport {
         }
     }
 
-    /// `ray_err_max`: the largest `|T_method - T_exact|`, empty where no depth was tested.
+    /// Returns `ray_err_max`, the largest `|T_method - T_exact|`; `None` where no depth was tested.
     pub fn ray_err_max(&self) -> Option<f64> {
         self.largest.map(|m| m.amount)
     }
 
-    /// `bound_held`: whether the error bound is satisfied at every depth; empty without a bound or a depth.
+    /// Returns `bound_held`: whether the error bound is satisfied at every depth. `None` without a bound or without
+    /// tested depths.
     pub fn satisfied(&self) -> Option<bool> {
         (self.has_bound && self.depths > 0).then_some(self.violations == 0)
     }
@@ -150,7 +160,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).max_by(f64::total_cmp)
 }
 
-/// The larger deviation; of equal ones that of the first ray, then of the smallest depth.
+/// Returns the larger of two deviations. Ties go to the smaller ray index, then to the smaller depth.
 fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
     match (a, b) {
         (Some(a), Some(b)) => {
@@ -162,23 +172,25 @@ fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
     }
 }
 
-/// Violations of properties of any transmittance, with or without an error bound: monotone, within `[0, 1]`, finite.
+/// Counts of transmittance values that cannot be physical: not monotone, outside `[0, 1]` or not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Sanity {
-    /// Number of values that exceed the smallest value before them by more than the tolerance.
+    /// Number of transmittance values along light rays that exceed the smallest value nearer to the light by more
+    /// than the tolerance.
     pub monotone_violations: usize,
-    /// Largest rise over the smallest value before, tolerated rises included.
+    /// Largest increase of transmittance over the smallest value nearer to the light. Increases within the tolerance
+    /// are included.
     pub largest_rise: f64,
-    /// Finite values outside `[0, 1]` by more than the tolerance.
+    /// Number of finite transmittance values outside `[0, 1]` by more than the tolerance.
     pub out_of_range: usize,
-    /// Values that are NaN or infinite.
+    /// Number of transmittance values that are NaN or infinite.
     pub non_finite: usize,
 }
 
 impl Sanity {
-    /// Checks the values of one ray at ascending depths, with tolerances of the range and of rises. A rise is measured
-    /// from the smallest value at least `apart_mm` nearer to the light, so that a slow creep cannot stay under the
-    /// tolerance at every step.
+    /// Tests the transmittance values of one light ray at ascending depths, with tolerances for the range `[0, 1]`
+    /// and for increases with depth. An increase is measured from the smallest value at least `apart_mm` nearer to
+    /// the light, so that many small increases add up.
     pub fn of_ray(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Self {
         let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());
         let mut found = Self { non_finite: values.len() - finite().count(), ..Self::default() };
@@ -195,7 +207,7 @@ impl Sanity {
         found
     }
 
-    /// Returns the sums of two reports and their largest rise.
+    /// Merges two reports on unphysical transmittance values: adds the counts and takes the larger increase.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         Self {
@@ -215,7 +227,8 @@ mod tests {
     const BOUND: Bound =
         Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
-    /// A uniform slab of 0.2/mm from 2 to 12 mm behind a thin sheet at 1 mm that stops half of the light.
+    /// Exact transmittance behind a thin sheet at 1 mm that stops half of the light and a uniform slab of 0.2/mm from
+    /// 2 to 12 mm.
     fn exact(z: f64) -> f64 {
         let sheet = if z >= 1.0 { 0.5 } else { 1.0 };
         sheet * (-0.2 * (z - 2.0).clamp(0.0, 10.0)).exp()
@@ -307,7 +320,7 @@ mod tests {
         let one = near(vec![0.5, 1.0, 1.2, 1.5, 2.0]);
         assert_eq!([one.least(0.5), one.most(0.5)], [1.0, 1.0]);
         assert!((one.least(1.2) - (-0.7f64).exp()).abs() < 1e-12 && one.most(1.2) == 1.0);
-        // Of two taps with depths of their own the means.
+        // For two taps with different depths, the envelope is the mean.
         let both = RoundingEnvelope::mean(vec![one, near(vec![0.1, 3.0])]);
         assert!((both.least(1.2) - (-0.7f64).exp()).abs() < 1e-12);
         assert_eq!(both.most(1.2), 1.0);
@@ -334,7 +347,7 @@ mod tests {
             bad,
             Sanity { monotone_violations: 2, largest_rise: 0.25, out_of_range: 2, non_finite: 2 }
         );
-        // Each step is under the tolerance, the creep is not.
+        // Each step is within the tolerance, but the total increase is not.
         let creep: Vec<f32> = (0..8).map(|i| 0.5 + 0.0078125 * i as f32).collect();
         let found = of(&creep, 0.01);
         assert_eq!((found.monotone_violations, found.largest_rise), (6, 0.0546875));
@@ -349,7 +362,7 @@ mod tests {
         };
         assert_eq!(rises(&[0.0, 0.01, 1.0], &[0.5, 0.6, 0.5]), (0, 0.0), "nearer than 0.1");
         assert_eq!(rises(&[0.0, 0.2, 1.0], &[0.5, 0.6, 0.5]), (1, 100_000.0));
-        // A slow creep, each step of which is small or near: the values at 0.1 and 0.12 have 0.5 before them.
+        // A slow increase with small or close steps: the values at 0.1 and 0.12 follow 0.5.
         assert_eq!(rises(&[0.0, 0.06, 0.1, 0.12], &[0.5, 0.5005, 0.5008, 0.5015]).0, 1);
         assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NAN, 0.7]), (1, 200_000.0));
         assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NEG_INFINITY, 0.5]).0, 0);

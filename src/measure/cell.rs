@@ -1,27 +1,27 @@
-//! The values of a table's columns, and their texts, which read back as the same values.
+//! Cell values of the measured comparison table, with formatting and parsing that preserve every value.
 
 use super::timing::clock_name;
 use crate::gpu::Clock;
 use serde::Serialize;
 use std::fmt;
 
-/// One value of a row, as written.
+/// Value of one cell of the comparison table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Cell {
-    /// Empty cell: not measured or not applicable.
+    /// Empty cell of the comparison table: not measured or not applicable.
     Empty,
-    /// Words.
+    /// Cell of the comparison table with text.
     Text(String),
-    /// A count.
+    /// Cell of the comparison table with a nonnegative integer, such as a count.
     Integer(u64),
-    /// A measure.
+    /// Cell of the comparison table with a real number.
     Real(f64),
-    /// `true` or `false`.
+    /// Cell of the comparison table with a Boolean, written as `true` or `false`.
     Flag(bool),
 }
 
-/// Formats a value for CSV, with reals in the fewest digits that read back as the same number.
+/// Formats a cell of the comparison table for CSV. Real numbers have the fewest digits that parse to the same number.
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
@@ -49,7 +49,7 @@ impl<T: Into<Cell>> From<Option<T>> for Cell {
     }
 }
 
-/// A column's value from the text that a [`Cell`] of it is written as; `None` where the text is no such value.
+/// Parses a table column's value from the text of its [`Cell`]; `None` where the text is not valid for the column.
 pub(super) trait FromText: Sized {
     fn from_text(text: &str) -> Option<Self>;
 }
@@ -73,7 +73,7 @@ impl<T: FromText> FromText for Option<T> {
     }
 }
 
-/// A value of unknown kind is the narrowest that its text can be.
+/// Parses a cell of unknown type as the first type that fits: integer, real, Boolean, empty, text.
 impl FromText for Cell {
     fn from_text(text: &str) -> Option<Self> {
         let integer = || text.parse().ok().map(Self::Integer);

@@ -1,13 +1,16 @@
-//! The check of a map whose light rays were marched by regular samples: a random share of its texels compared with the same
-//! map marched cell by cell.
+//! Sampling error of a shadow map whose light rays were marched by regular samples: compares random texels with the
+//! same map marched cell by cell.
 //!
-//! Samples have no error bound: what lies between two of them may be missed. But a method that is marched cell by cell is as
-//! good as it can be, and so the difference is what the samples have cost. A texel is within tolerance where at each of 24
-//! depths `T_cells(z + d) - t <= T_samples(z) <= T_cells(z - d) + t`, with `d` a step and `t` a tolerance in transmittance.
-//! Texels are drawn by chance among those that meet extinction, and depths by chance in even stretches of the map's range.
-//! Where none of `n` texels strays further, with 99 % confidence fewer than `4.6 / n` of such draws do: the chance of `n`
-//! misses of a share `p` is `(1 - p)^n < exp(-p n)`. What strays over a small part of the range alone is found as often as a
-//! depth falls there.
+//! Marching by samples has no error bound, because samples can miss details between them. Marching cell by cell has
+//! no such error, so the difference is the error due to sampling.
+//!
+//! A texel is within tolerance if `T_cells(z + d) - t <= T_samples(z) <= T_cells(z - d) + t` at each of 24 depths
+//! `z`. Here `d` is one step and `t` a tolerance in transmittance. Texels are drawn at random among those whose light
+//! rays meet extinction. Depths are drawn at random, one in each of equal intervals of the map's depth range.
+//!
+//! If none of `n` texels exceeds the tolerance, then with 99 % confidence fewer than `4.6 / n` of such texels do. The
+//! chance that `n` draws all miss a fraction `p` is `(1 - p)^n < exp(-p n)`. A deviation over a small part of the
+//! depth range is found only if a depth falls there.
 
 use super::rays::mix;
 use crate::error::Result;
@@ -17,36 +20,38 @@ use crate::shadow::{Method, ShadowMap};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// Texels that are compared with cells.
+/// Number of shadow map texels to compare between marching by samples and by cells.
 const TEXELS: usize = 1024;
-/// Number of texels drawn, more than needed because rays without extinction are no test.
+/// Number of shadow map texels drawn at random. Only those whose light rays meet extinction are compared.
 const DRAWN: usize = 8 * TEXELS;
-/// Number of depths on each checked ray.
+/// Number of depths compared on the light ray of each texel.
 const DEPTHS: usize = 24;
-/// Tolerance in transmittance, unless two maps of the method may be further apart whatever marches.
+/// Tolerance in transmittance between a sampled shadow map and one marched by cells. A method with a larger error
+/// bound gets twice its bound.
 const TOLERANCE: f64 = 0.1;
 
-/// Result of a check of a built shadow map against one marched by cells.
+/// Result of comparing a shadow map marched by regular samples with the same map marched cell by cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Check {
-    /// Texels that meet extinction and were compared with cells.
+    /// Number of shadow map texels compared between marching by samples and by cells; their light rays meet
+    /// extinction.
     pub texels: u64,
-    /// Smallest tolerance in transmittance that all tested texels satisfy.
+    /// Smallest tolerance in transmittance that all compared shadow map texels satisfy.
     pub max: f64,
-    /// The tolerance that is stated.
+    /// Tolerance in transmittance that the comparison of sampled and cell-by-cell shadow maps requires.
     pub tolerance: f64,
-    /// Distance along the ray by which curves may be apart, mm.
+    /// Tolerance in depth along the light ray when transmittance curves are compared, mm.
     pub depth_mm: f64,
 }
 
 impl Check {
-    /// Whether the stated tolerance is satisfied.
+    /// Whether the sampled shadow map agrees with the map marched by cells within the required tolerance.
     pub fn ok(&self) -> bool {
         self.max <= self.tolerance
     }
 
-    /// Merges two reports: counts add up, and the figures are those of the texel with the largest deviation relative
-    /// to its tolerance.
+    /// Merges the results of two shadow maps. Texel counts add up; the other values are those of the map with the
+    /// larger deviation relative to its tolerance.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let share = |c: &Self| c.max / c.tolerance;
@@ -55,12 +60,11 @@ impl Check {
     }
 }
 
-/// Holds a built map of a scene's first light against its own by cells; `None` where its rays were marched by cells, or not at
-/// all, or where none
-/// of the texels drawn meets any extinction, or two maps of the method may be apart by any amount.
+/// Compares a built shadow map of the scene's first light with the same map marched cell by cell. Returns `None`
+/// where the method does not march by samples, no drawn texel meets extinction, or the tolerance reaches 1.
 ///
 /// # Errors
-/// A map that the adapter cannot hold, or a lost device.
+/// The adapter cannot store the shadow map, or the device is lost.
 pub fn check(
     session: &Session,
     method: &dyn Method,
@@ -80,12 +84,12 @@ pub fn check(
         .map(|i| mix(i) % (side * side))
         .filter(|place| known.insert(*place) && space.covers(centre(*place)));
     let rays: Vec<_> = drawn.map(|place| space.world_ray(centre(place))).collect();
-    // Behind everything, light is missing where a ray has met something.
+    // At the far end of a ray, transmittance is below 1 if the ray has met extinction.
     let ends: Vec<_> = rays.iter().map(|(start, along)| *start + *along * far).collect();
     let left = [session.query(shadow, &ends)?, session.query(&by_cells, &ends)?];
     let met = rays.iter().zip(left[0].iter().zip(&left[1])).filter(|(_, (a, b))| **a < 1.0 || **b < 1.0);
     let met: Vec<_> = met.map(|(ray, _)| *ray).take(TEXELS).collect();
-    // Depths are spread evenly, and chance has its place between two of them.
+    // Stratified depths: one at random in each of equal intervals.
     let depth = |ray: usize, k: usize| {
         let share = (mix((ray * DEPTHS + k) as u64) >> 11) as f64 / (1u64 << 53) as f64;
         near + (far - near) * (k as f64 + share) / DEPTHS as f64
@@ -104,10 +108,10 @@ pub fn check(
         sampled.iter().zip(before.iter().zip(&behind)).map(|(t, (most, least))| (t - most).max(least - t));
     let own = by_cells.bound.map_or(0.0, |bound| bound.transmittance);
     let tolerance = TOLERANCE.max(2.0 * own);
-    // A tolerance of 1 holds whatever the map says.
+    // A tolerance of 1 is always satisfied.
     Ok((!met.is_empty() && tolerance < 1.0).then(|| Check {
         texels: met.len() as u64,
-        // What is no number is within no tolerance.
+        // NaN satisfies no tolerance.
         max: outside.map(|t| if t.is_nan() { f32::INFINITY } else { t }).fold(0.0, f32::max).into(),
         tolerance,
         depth_mm,

@@ -1,9 +1,9 @@
-//! The error-against-time table of one scene: every method's errors first, then its times in turn.
+//! Comparison of shadow methods on one scene: first measures each method's errors, then its times in interleaved
+//! rounds.
 //!
-//! Each is recorded in the [`Journal`] as soon as it is there: a row with its errors and picture, then round by round its
-//! times, each round of all methods. What an earlier run has recorded is not measured again: a row's errors are then
-//! taken as they are, and of its timed rounds only those that are missing are run, in turn with those of the other
-//! methods that miss some.
+//! Every result is recorded in the [`Journal`] at once: a row with its errors and picture, then the times of each
+//! round. Results that an earlier run recorded are not measured again. The missing timed rounds of all methods are
+//! run in turn.
 
 use super::budget::tune::{Chosen, tune};
 use super::budget::{Budget, By, Uses, tuned_for};
@@ -21,10 +21,10 @@ use crate::shadow::Method;
 use ndarray::Axis;
 use std::collections::HashMap;
 
-/// Largest difference in opacity between two pictures of one scene, from the early termination of eye rays.
+/// Largest allowed difference in opacity between two pictures of one scene, which early ray termination may cause.
 const OPACITY_TOLERANCE: f32 = 2e-3;
 
-/// Progress steps of a comparison for one scene, each with its number of repetitions.
+/// Returns the progress steps of comparing shadow methods on one scene, each with its number of repetitions.
 pub fn steps(methods: &[Box<dyn Method>], effort: &Effort) -> Vec<(Step, usize)> {
     let mut steps = vec![(Step::new(StepKind::Points, ""), 1), (Step::new(StepKind::ExactPicture, ""), 1)];
     steps.extend(methods.iter().flat_map(|method| method_steps(method.as_ref(), effort)));
@@ -37,11 +37,12 @@ fn method_steps(method: &dyn Method, effort: &Effort) -> [(Step, usize); 3] {
     times.map(|(kind, times)| (Step::new(kind, &name), times))
 }
 
-/// Measures every method. One that fails is a row that says why, and the others go on; a method whose timing fails
-/// keeps its errors. Ended between two steps, it leaves what is measured in the journal.
+/// Measures errors and times of every shadow method on one scene. A method that fails becomes a row with its error
+/// message, and the others continue. A method whose timing fails retains its errors. After a cancellation the journal
+/// contains all results so far.
 ///
 /// # Errors
-/// No method is given, a journal that cannot be written to, or it was ended on request.
+/// No method is given, the journal cannot be written, or the user cancelled the measurement.
 pub fn compare(
     job: &Job,
     methods: &[Box<dyn Method>],
@@ -51,9 +52,8 @@ pub fn compare(
     compare_within(job, methods, &[], journal, progress)
 }
 
-/// Searches the settings of every method that has any for the least errors within each budget, then measures as
-/// [`compare`] does; what the searches choose beside the settings of `methods` are further rows, measured like the
-/// others.
+/// Searches the settings of every tunable method for the smallest errors within each budget, then measures as
+/// [`compare`] does. Settings that the searches choose are measured as further rows.
 ///
 /// # Errors
 /// See [`compare`].
@@ -87,7 +87,7 @@ pub fn compare_within(
 
     let mut ready: Vec<&mut TimedRow> = rows.iter_mut().filter_map(|r| r.as_mut().ok()).collect();
     result.notes.extend(unequal_opacity(&ready));
-    // Slow rows apart: they would make every round of the others as slow.
+    // Slow methods are timed separately; otherwise every round would be as slow as they are.
     let (mut slow, mut fast): (Vec<_>, Vec<_>) = ready.drain(..).partition(|r| r.frame_ms > SLOW_FRAME_MS);
     if job.effort.repeats > 1 {
         for row in &mut slow {
@@ -116,7 +116,8 @@ pub fn compare_within(
     Ok(result)
 }
 
-/// Chosen methods besides the requested ones, and what each method, requested ones first, was chosen for.
+/// Returns the tuned methods that are not among the requested ones, and the budgets that each requested or tuned
+/// method was chosen for.
 fn beside(
     methods: &[Box<dyn Method>],
     chosen: Vec<Chosen>,
@@ -139,7 +140,8 @@ fn beside(
     (further, uses)
 }
 
-/// Says in a row for what it was chosen, and where it turns out to need more than that.
+/// Fills the columns `tuned` and `tuned_for` of a comparison table row. Adds a note where its measured memory or time
+/// exceeds a budget.
 fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
     let row = &mut compared.row;
     (row.tuned, row.tuned_for) = (Some(!uses.is_empty()), tuned_for(uses));
@@ -155,7 +157,8 @@ fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
     }
 }
 
-/// Every method's row with its errors, or the failed one; notes and failures go into `result`.
+/// Measures the errors of every method. Returns one row or failed row per method; notes and failures are added to
+/// `result`.
 fn measure_errors<'m>(
     job: &Job,
     facts: &Facts,
@@ -217,8 +220,8 @@ fn measure_errors<'m>(
     Ok(rows)
 }
 
-/// Shadows change light, never opacity: says where a picture's opacity is not that of the first, as when a driver
-/// gives up a shader's loops.
+/// Returns notes on methods whose picture differs in opacity from the first method's picture. Shadows never change
+/// opacity, so a difference shows a fault, such as a driver that aborts a shader's loop.
 fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     let opacity = |r: &TimedRow| r.compared.picture.as_ref().map(|p| p.index_axis(Axis(2), 3).to_owned());
     let Some((first, others)) = rows.split_first() else { return Vec::new() };
@@ -232,13 +235,13 @@ fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     others.iter().filter_map(note).collect()
 }
 
-/// Unique file name parts of the methods' rows, in the order of `methods`.
+/// Returns unique parts of file names for the methods' rows, in the order of `methods`.
 pub fn slugs(prefix: &str, methods: &[Box<dyn Method>]) -> Vec<String> {
     let mut used = HashMap::new();
     methods.iter().map(|method| unused_slug(prefix, method.as_ref(), &mut used)).collect()
 }
 
-/// Scene, method and settings as part of a file name; a number is added where a row has been named so before.
+/// Returns the scene, method and settings as part of a file name, with a number appended where that name is in use.
 fn unused_slug(prefix: &str, method: &dyn Method, used: &mut HashMap<String, u32>) -> String {
     let map = method.map_size().map_or(String::new(), |n| format!(" map={n}"));
     let slug = prefix.to_owned() + &file_name_part(&format!("{}{map} {}", method.name(), method.params()));

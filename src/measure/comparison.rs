@@ -1,4 +1,4 @@
-//! Result of a comparison: rows with their pictures, notes and failures.
+//! Result of comparing shadow methods: table rows with their pictures, notes and failures.
 
 use super::facts::Facts;
 use super::job::name_of;
@@ -10,52 +10,57 @@ use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
 use std::borrow::BorrowMut;
 
-/// Row of a table with its picture.
+/// Row of the comparison table with the method's picture.
 pub struct Compared {
-    /// Measured row.
+    /// Row of the comparison table, with the measured values.
     pub row: Row,
-    /// Method with its requested settings: the scene may choose the size of the map, which the row then states.
+    /// Shadow method with its settings as requested. Where no map size is requested, the scene chooses it, and the
+    /// table row states it.
     pub method: String,
-    /// A name for its files, different for every row.
+    /// Unique name for the files of a table row, such as its picture.
     pub slug: String,
-    /// `height x width x 4`, linear RGBA; `None` where the row failed before it was drawn.
+    /// Picture rendered with the shadow method: `height x width x 4`, linear RGBA. `None` where the method failed
+    /// before rendering.
     pub picture: Option<Array3<f32>>,
-    /// Work that the plan skipped.
+    /// Rendering work that the renderer skipped because the scene does not need it.
     pub left_out: Vec<Omission>,
-    /// Largest channel difference to the picture of the scene's `rays` row, `height x width`, where there is one.
+    /// Largest channel difference per pixel from the reference picture with `rays` shadows, `height x width`; `None`
+    /// without a reference.
     pub difference: Option<Array2<f32>>,
-    /// Nodes by texel, where the method stores nodes and they were counted.
+    /// Number of transmittance curve nodes in each shadow map texel; `None` where the method stores no nodes or they
+    /// were not counted.
     pub nodes: Option<NodeMap>,
 }
 
-/// Everything that came of a comparison.
+/// Result of comparing shadow methods on one or several scenes.
 #[derive(Default)]
 pub struct Comparison {
-    /// Scene by scene, in the order of the methods; failed rows too.
+    /// Compared methods, scene by scene, in the requested order. Failed methods are included.
     pub compared: Vec<Compared>,
-    /// Notes on the measurement for the reader of the table.
+    /// Notes on the measurement for the reader of the comparison table.
     pub notes: Vec<String>,
-    /// Failed parts of the comparison by name, such as `dsm epsilon=0.02`, each with its error.
+    /// Failed parts of the comparison, each with its name, such as `dsm epsilon=0.02`, and its error.
     pub failures: Vec<(String, Error)>,
-    /// Trials of the searches within budgets.
+    /// Measured trials of the searches for method settings within budgets.
     pub trials: Vec<Row>,
-    /// Methods of the rows behind the requested ones: the choices of the searches.
+    /// Methods with settings that the searches within budgets chose. Their rows follow those of the requested
+    /// methods.
     pub tuned: Vec<Box<dyn Method>>,
 }
 
 impl Comparison {
-    /// The table.
+    /// Returns the rows of the comparison table.
     pub fn rows(&self) -> Vec<Row> {
         self.compared.iter().map(|c| c.row.clone()).collect()
     }
 
-    /// Says of which scene the notes and failures are.
+    /// Prefixes the notes and failures of a comparison with the name of its scene.
     pub fn name_scene(&mut self, name: &str) {
         self.notes.iter_mut().for_each(|note| *note = format!("{name}: {note}"));
         self.failures.iter_mut().for_each(|(what, _)| *what = format!("{name}: {what}"));
     }
 
-    /// Adds another scene's.
+    /// Appends the comparison of another scene.
     pub fn append(&mut self, mut other: Self) {
         self.compared.append(&mut other.compared);
         self.notes.append(&mut other.notes);
@@ -64,7 +69,7 @@ impl Comparison {
         self.tuned.append(&mut other.tuned);
     }
 
-    /// Comparison of a scene that cannot be drawn at all, with a failed row for each method.
+    /// Creates the comparison of a scene that cannot be rendered at all, with a failed row for each method.
     pub fn failed(
         facts: &Facts,
         scene_name: &str,
@@ -88,7 +93,7 @@ impl Comparison {
 }
 
 impl Compared {
-    /// Whether the row is by `rays`, which others are compared with.
+    /// Whether the row is of the reference method `rays`, whose picture the others are compared with.
     pub fn is_reference(&self) -> bool {
         self.row.method == ShadowRays::default().name()
     }
@@ -107,10 +112,10 @@ impl Compared {
     }
 }
 
-/// Fills the differences of the rows' pictures from the reference.
+/// Computes the difference of each method's picture from the reference picture.
 ///
 /// # Errors
-/// Pictures of different sizes.
+/// The pictures differ in size.
 pub fn take_differences(compared: &mut [impl BorrowMut<Compared>], reference: &Array3<f32>) -> Result<()> {
     for c in compared {
         let c = c.borrow_mut();

@@ -1,15 +1,16 @@
-//! Error of the voxelised field's shadows against the strands.
+//! Transmittance error of voxelised strands (hair or fibres): compares the voxel volume with light beams through the
+//! strands as cylinders.
 //!
-//! Model. A light beam is a square bundle of parallel rays, as wide as a voxel, from a place among the strands
-//! towards the light. A ray crosses a segment when it passes its axis at no more than half the diameter, between the
-//! segment's ends; every crossing lets through the segment's transparency, and the beam's true transmittance is the
-//! mean over its rays of the products. It is compared with `exp(-optical depth)` of the volume along the beam's
-//! middle, by [`crate::exact`].
+//! Model: a light beam is a square bundle of parallel rays, as wide as a voxel, from a point among the strands
+//! towards the light. A ray crosses a strand segment if it passes the segment's axis within half the diameter,
+//! between the ends. Every crossing multiplies the ray's transmittance by the segment's transparency. The beam's true
+//! transmittance is the mean over its rays. It is compared with `exp(-optical depth)` of the volume along the beam's
+//! axis, by [`crate::exact`].
 //!
-//! What the difference means: it is the error of the volume as a stand-in for strands, before any shadow method adds
-//! its own. It holds the blur of a voxel, the overlap of strands that lie in bundles (a medium assumes that they are
-//! scattered), and the foreshortening of segments that point at the light: extinction counts `d L` from whichever
-//! side, a light sees `d L sin(angle)`.
+//! The difference is the error of the volume as a substitute for strands, without the error of a shadow method. It
+//! has three sources: the blur of a voxel; the overlap of strands in bundles, where a medium assumes scattered
+//! strands; and the foreshortening of segments along the light. The volume has the extinction `d L` from every
+//! direction, but the light sees `d L sin(angle)`.
 
 use crate::exact::ExactField;
 use crate::scene::Light;
@@ -22,42 +23,44 @@ use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Rays along each side of a beam; one in each cell of the square, at a random place in it.
+/// Number of light rays along each side of a square beam. Each cell of the square has one ray at a random position.
 const SIDE: usize = 16;
 
-/// Rays of a beam.
+/// Number of rays in a light beam.
 pub const RAYS_PER_BEAM: usize = SIDE * SIDE;
 
-/// Beams at the most: 200 MiB of sums.
+/// Largest number of light beams, which need 200 MiB of optical depth sums.
 pub const MAX_BEAMS: usize = 100_000;
 
-/// An opaque crossing, as optical depth: no 64-bit sum tells its transmittance from 0.
+/// Optical depth assigned to an opaque strand segment: its transmittance is indistinguishable from 0 in float64.
 const OPAQUE: f64 = 64.0;
 
-/// Optical depths are summed as whole multiples of this: such sums are the same in any order.
+/// Unit of optical depth sums over strand segments. Sums of integer multiples are the same in any order.
 const UNIT: f64 = 1.0 / (1u64 << 32) as f64;
 
-/// Differences of transmittance, voxelised minus true, over the beams.
+/// Statistics of transmittance differences over light beams: voxelised strands minus strands as cylinders.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct AgainstCylinders {
-    /// Beams that were tested.
+    /// Number of light beams tested.
     pub beams: usize,
-    /// Rays whose mean is the transmittance of a beam.
+    /// Number of rays per light beam; the beam's transmittance is their mean.
     pub rays_per_beam: usize,
-    /// Mean true transmittance.
+    /// Mean transmittance of light beams through the strands themselves.
     pub true_mean: f64,
-    /// Mean signed difference; positive where the volume transmits more light than the strands.
+    /// Mean signed difference in transmittance over light beams. Positive where the voxel volume transmits more light
+    /// than the strands.
     pub mean: f64,
-    /// Root of the mean square error in transmittance.
+    /// Root mean square difference in transmittance between the voxel volume and the strands.
     pub rms: f64,
-    /// Largest error in transmittance.
+    /// Largest absolute difference in transmittance between the voxel volume and the strands.
     pub max: f64,
-    /// Part of `rms` that the finite number of rays may explain: half the rms difference of two halves of each beam.
+    /// Part of `rms` that the finite number of rays per beam may explain: half the rms difference between two halves
+    /// of each beam's rays.
     pub sampling_rms: f64,
 }
 
-/// Compares a volume of cubic voxels with the strands that it was made from, along `count` beams towards a directional light, the
-/// same ones on every run. `None` where there is nothing to compare: no segments or no beams.
+/// Compares a volume of cubic voxels with the strands that it was made from, along `count` light beams towards a
+/// directional light. Every run uses the same beams. Returns `None` without strand segments or without beams.
 pub fn against_cylinders(
     strands: &Strands,
     volume: &Volume,
@@ -74,14 +77,15 @@ pub fn against_cylinders(
         .map(|i| {
             let mut chance = Chance::new(200, i as u64);
             let [a, b] = strands.segment(chance.below(strands.segment_count())).ends;
-            // Off the strand by up to half a voxel, so that its own extinction counts as often before as behind.
+            // Displaced from the strand by up to half a voxel, so that its own extinction counts as often before as
+            // behind.
             let moved = DVec3::new(chance.unit() - 0.5, chance.unit() - 0.5, chance.unit() - 0.5) * width_mm;
             a.lerp(b, chance.unit()) + moved
         })
         .collect();
     let halves = beam_halves(strands, &middles_mm, toward, width_mm);
 
-    // Values are extinction themselves.
+    // Voxel values are extinction.
     let largest = volume.value_range()[1];
     let tf = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.0), (largest, largest)]);
     let field = ExactField::new(volume, &tf);
@@ -107,8 +111,9 @@ pub fn against_cylinders(
     })
 }
 
-/// True transmittances of the beams, `width_mm` wide, from these places (world mm) towards a directional light: of each the
-/// means over two interleaved halves of its rays.
+/// Returns the transmittance of light beams through the strands as cylinders. Beams are `width_mm` wide and run from
+/// `middles_mm` (world) towards a directional light. Each result holds the means over two interleaved halves of the
+/// beam's rays.
 pub(super) fn beam_halves(
     strands: &Strands,
     middles_mm: &[DVec3],
@@ -138,11 +143,11 @@ pub(super) fn beam_halves(
     depths.par_chunks(RAYS_PER_BEAM).map(mean).collect()
 }
 
-/// Optical depth of every ray of every beam, in multiples of [`UNIT`].
+/// Returns the optical depth through the strands along every ray of every light beam, in multiples of [`UNIT`].
 ///
-/// The rays are all parallel, so that crossings are a matter of the plane across them: segments are ribbons there,
-/// and an R*-tree of the beams says which ones a ribbon may touch. `starts` are in the light's frame: across, across,
-/// towards the light; mm.
+/// All rays are parallel, so crossings are found in the plane perpendicular to them. There, strand segments are
+/// ribbons, and an R*-tree of the beams finds those that a ribbon may touch. The coordinates of `starts` are in the
+/// light's frame: two across, the third towards the light; mm.
 fn optical_depths(
     strands: &Strands,
     starts: &[DVec3],
@@ -183,7 +188,7 @@ fn optical_depths(
                 let before_light = a.z + at * (b.z - a.z) > start.z;
                 let crosses =
                     (0.0..1.0).contains(&at) && direction.perp_dot(q).abs() <= radius && before_light;
-                // What is dark stays dark: without more of it the sum cannot overflow.
+                // An opaque ray needs no further sum, which also prevents overflow.
                 if crosses && sum.load(Ordering::Relaxed) < enough {
                     sum.fetch_add(depth, Ordering::Relaxed);
                 }

@@ -1,12 +1,11 @@
-//! Properties of a method that tables and figures use besides its measurement: settings as values, figure style and
-//! default rows.
+//! Properties of shadow methods for tables and figures: settings as cell values, figure style and default rows.
 
 use super::cell::{Cell, FromText};
 use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};
 use itertools::Itertools as _;
 
-/// A method's settings by their keys, given or not, in the order of the columns; the size of its map, which has a column
-/// of its own, is not among them.
+/// Returns all settings of a shadow method as cell values by name, defaults included, in the order of the table's
+/// columns. The map size is excluded; it has its own column.
 pub fn settings(method: &dyn Method) -> Vec<(&'static str, Cell)> {
     let values = method.values();
     let value =
@@ -15,13 +14,13 @@ pub fn settings(method: &dyn Method) -> Vec<(&'static str, Cell)> {
     keys().into_iter().filter_map(cell).collect()
 }
 
-/// Every key of every method, once each.
+/// Returns the distinct settings of all shadow methods, except the map size.
 fn keys() -> Vec<&'static Key> {
     let keys = METHODS.iter().flat_map(|entry| entry.keys).filter(|key| key.name != "map");
     keys.unique_by(|key| key.name).collect()
 }
 
-/// Every key of every method with what it is: the last columns of the table.
+/// Returns the names and descriptions of all method settings, which are the last columns of the comparison table.
 pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     let column = |key: &'static Key| {
         let own = |e: &&&Entry| e.keys.iter().any(|k| k.name == key.name);
@@ -34,12 +33,12 @@ pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     keys().into_iter().map(column).collect()
 }
 
-/// Style of a registered method in all figures.
+/// Returns the figure style of a shadow method by its name; `None` where no such method exists.
 pub fn style(method: &str) -> Option<Style> {
     entry(method).map(|entry| entry.style)
 }
 
-/// The settings of a row that a test makes up, from its method's name and `key=value` texts.
+/// Returns method settings for a synthetic table row in a test, from the method's name and `key=value` texts.
 #[cfg(test)]
 pub(crate) fn settings_of(name: &str, params: &str) -> Vec<(&'static str, Cell)> {
     let spec = format!("{name}:{}", params.replace(' ', ","));

@@ -1,4 +1,5 @@
-//! A method's error pixel by pixel: its picture, or the light on what each pixel sees, less the exact one.
+//! Error map of a shadow method, pixel by pixel: its picture, or its transmittance at the visible point, minus the
+//! exact result.
 
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -8,49 +9,55 @@ use crate::scene::Scene;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
 
-/// Rows that are computed between two times that someone may end the work.
+/// Number of picture rows computed between two checks for cancellation.
 const ROWS_AT_ONCE: u32 = 4;
-/// Points queried at once, few enough that other threads can draw in between.
+/// Number of points per query for transmittance, small enough that other threads can render between queries.
 const POINTS_AT_ONCE: usize = 1 << 13;
 const BAND_MS: f64 = 25.0;
 
-/// Quantity whose error the map shows.
+/// Quantity whose error an error map shows: transmittance or picture colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Transmittance from the scene's first light to the point that half of a pixel's opacity lies in front of.
+    /// Error of the transmittance from the scene's first light to the visible point of each pixel, in front of which
+    /// half of the pixel's opacity lies.
     Light,
-    /// Error of the picture: the largest over the channels of linear RGB.
+    /// Error of the rendered picture: the signed difference of the linear RGB channel with the largest absolute
+    /// difference.
     Picture,
 }
 
-/// Exact results for the pixels of one scene.
+/// Exact results for the pixels of one scene: a picture, or the transmittance at visible points.
 #[derive(Debug, Clone)]
 pub struct ExactView {
-    /// Scene, with the size of the result.
+    /// Scene of the exact results; its width and height are those of the error map.
     pub scene: Scene,
     answer: Answer,
 }
 
 #[derive(Debug, Clone)]
 enum Answer {
-    /// Pixels with opacity, row by row: their numbers, visible points, and the exact transmittance there.
+    /// Pixels with opacity, row by row: pixel index, visible point, and exact transmittance from the light to that
+    /// point.
     Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
 }
 
-/// Errors of one method, pixel by pixel.
+/// Errors of one shadow method, pixel by pixel.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
-    /// `height x width`, method less exact; NaN without extinction, infinite where the method gives no number.
+    /// Error of each pixel, method minus exact, `height x width`. NaN where the pixel has no opacity, infinite where
+    /// the method gives NaN.
     pub errors: Array2<f32>,
-    /// Over the pixels with opacity, each weighted by it; `None` where there are none.
+    /// Statistics of the errors over pixels with opacity, weighted by opacity; `None` where no pixel has opacity.
     pub stats: Option<ErrorStats>,
 }
 
 impl ExactView {
-    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is called every few rows.
+    /// Computes the exact results for every pixel of a scene. `go_on` is called every few rows; returns `None` if it
+    /// returned false.
     ///
-    /// [`Quantity::Light`] takes a ray from each pixel and one from what it sees; [`Quantity::Picture`] a hundred or more.
+    /// [`Quantity::Light`] takes two rays per pixel: the camera ray, and one from the visible point to the light.
+    /// [`Quantity::Picture`] takes a hundred or more.
     pub fn new(
         field: &ExactField<'_>,
         scene: &Scene,
@@ -83,7 +90,7 @@ impl ExactView {
             Quantity::Light => Answer::Light(visible),
             Quantity::Picture => {
                 let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
-                // Rows of one width in order make a picture.
+                // Bands of equal width, in order, make a picture.
                 let empty = || Array3::zeros((0, scene.width as usize, 4));
                 Answer::Picture(concatenate(Axis(0), &parts).unwrap_or_else(|_| empty()))
             }
@@ -91,11 +98,11 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is called now and
-    /// then, ended it.
+    /// Computes a shadow method's errors against the exact results. `shadows` are the shadow maps of the scene's
+    /// lights, in order. `go_on` is called repeatedly; returns `None` if it returned false.
     ///
     /// # Errors
-    /// A lost device.
+    /// The device is lost.
     pub fn errors<'a>(
         &self,
         renderer: &Renderer,

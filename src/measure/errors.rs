@@ -1,5 +1,5 @@
-//! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
-//! along light rays through texel centres.
+//! Transmittance errors of a built shadow map against the exact (float64) transmittance, at visible points and along
+//! light rays through texel centres.
 
 use super::bound_check::BoundReport;
 use super::rays::pick_texels;
@@ -14,16 +14,19 @@ use crate::shadow::{LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Every run tests the same points.
+/// Seed of the random choice of visible points. It is fixed, so that every run tests the same points.
 const SEED: u64 = 1;
-/// Rays whose exact curves are in memory at once; each takes tens of kilobytes.
+/// Number of light rays whose exact transmittance curves are in memory at the same time; each takes tens of
+/// kilobytes.
 const RAYS_AT_ONCE: usize = 256;
-/// Texels a side that are tested for meeting anything; on larger maps one stands for a block.
+/// Largest number of texels per side whose light rays are tested for extinction. On larger shadow maps, one texel
+/// represents a block.
 const MOST_TESTED_TEXELS: u32 = 512;
-/// Share of the map's depth range by which a ray is tested before and behind what it meets.
+/// Fraction of the shadow map's depth range by which the tested part of a light ray extends beyond the extinction on
+/// it.
 const MARGIN: f64 = 0.02;
 
-/// Visible points with the exact transmittance from the light to each.
+/// Points visible to the camera, with the exact transmittance from the light to each point.
 pub struct VisiblePoints {
     points_mm: Vec<DVec3>,
     weights: Vec<f64>,
@@ -31,7 +34,8 @@ pub struct VisiblePoints {
 }
 
 impl VisiblePoints {
-    /// About `count` points, under a scene's first light; fewer, or none, where the camera sees little.
+    /// Chooses about `count` points visible to the camera and computes the exact transmittance from the scene's first
+    /// light to each. Fewer points, or none, are chosen where little is visible.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         Self::of(field, &field.visible_points(scene, count, SEED), scene.light())
     }
@@ -43,24 +47,24 @@ impl VisiblePoints {
         Self { points_mm, weights: points.iter().map(|p| p.weight).collect(), exact }
     }
 
-    /// Returns the first `count` points, or all points if there are fewer.
+    /// Returns the first `count` visible points, or all points if there are fewer.
     pub fn first(&self, count: usize) -> Self {
         let n = self.len().min(count);
         let [weights, exact] = [&self.weights, &self.exact].map(|values| values[..n].to_vec());
         Self { points_mm: self.points_mm[..n].to_vec(), weights, exact }
     }
 
-    /// Copy of the points with another exact transmittance at each.
+    /// Returns a copy of the visible points with the given exact transmittance at each.
     pub fn with_exact(&self, exact: Vec<f64>) -> Self {
         Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
     }
 
-    /// Number of points.
+    /// Number of visible points.
     pub fn len(&self) -> usize {
         self.points_mm.len()
     }
 
-    /// Positions of the points, world mm.
+    /// Positions of the visible points, world mm.
     pub fn points_mm(&self) -> &[DVec3] {
         &self.points_mm
     }
@@ -70,25 +74,26 @@ impl VisiblePoints {
         &self.weights
     }
 
-    /// Exact transmittance from the light to each point.
+    /// Exact transmittance from the light to each visible point.
     pub fn exact(&self) -> &[f64] {
         &self.exact
     }
 
-    /// Whether the camera sees nothing.
+    /// Whether the list of visible points is empty.
     pub fn is_empty(&self) -> bool {
         self.points_mm.is_empty()
     }
 
-    /// `T_method - T_exact` over the points, weighted as the camera sees them; `None` where it sees nothing.
+    /// Returns statistics of `T_method - T_exact` over the visible points, weighted by visibility; `None` where no
+    /// point is visible.
     ///
     /// # Errors
-    /// A lost device.
+    /// The device is lost.
     pub fn errors(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<ErrorStats>> {
         ErrorStats::of(self.weighted(session, shadow)?)
     }
 
-    /// Errors at the points, with their weights.
+    /// Returns `T_method - T_exact` at each visible point, with the point's weight.
     fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
         let values = session.query(shadow, &self.points_mm)?;
         let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
@@ -96,15 +101,17 @@ impl VisiblePoints {
     }
 }
 
-/// Visible points, divided among the lights that shine; the points of each light are spread over the whole picture.
+/// Visible points, divided among the lights with nonzero intensity. The points of each light are spread over the
+/// whole picture.
 pub struct VisiblePointsByLight(Vec<VisiblePoints>);
 
 impl VisiblePointsByLight {
-    /// Chooses about `count` points in total, or fewer where the camera sees little.
+    /// Chooses about `count` visible points in total for all lights. Fewer points are chosen where the camera sees
+    /// little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         let points = field.visible_points(scene, count, SEED);
         let lights = scene.shining();
-        // Any stretch of the sequence that points are from is spread evenly.
+        // The points come from a low-discrepancy sequence, any section of which is evenly distributed.
         let place = |i: usize| i * points.len() / lights.len();
         let part = |(i, source): (usize, &LightSource)| {
             VisiblePoints::of(field, &points[place(i)..place(i + 1)], source.light)
@@ -112,17 +119,18 @@ impl VisiblePointsByLight {
         Self(lights.iter().enumerate().map(part).collect())
     }
 
-    /// Number of points.
+    /// Number of visible points over all lights.
     pub fn count(&self) -> usize {
         self.0.iter().map(VisiblePoints::len).sum()
     }
 
-    /// Points for each light.
+    /// Visible points of each light.
     pub fn parts(&self) -> &[VisiblePoints] {
         &self.0
     }
 
-    /// Errors like [`VisiblePoints::errors`], over all lights together, whose structures are in their order.
+    /// Returns statistics of `T_method - T_exact` over the visible points of all lights together. `shadows` are the
+    /// shadow maps of the lights, in order.
     ///
     /// # Errors
     /// See [`VisiblePoints::errors`].
@@ -135,7 +143,8 @@ impl VisiblePointsByLight {
     }
 }
 
-/// Texels of a map whose light rays are to be tested, spread over what they meet; see [`pick_texels`].
+/// Chooses the texels of a shadow map whose light rays are tested, spread over the rays that meet extinction; see
+/// [`pick_texels`].
 pub fn texels_to_test(
     field: &ExactField,
     light: Light,
@@ -158,31 +167,32 @@ pub fn texels_to_test(
     picked.into_iter().filter(covered).collect()
 }
 
-/// Whether the light ray through texel coordinates meets any extinction.
+/// Whether the light ray through a position on the shadow map (in texels) meets any extinction.
 pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpace, texel: DVec2) -> bool {
     let ray = LightRay::new(light_space, light, texel);
     field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
 }
 
-/// A tested map: its texels, the rays in each, and the depths on each ray.
+/// Test of a shadow map along light rays: the tested texels and the depths on each ray.
 pub struct RayTest<'a> {
-    /// Column and row of each texel.
+    /// Column and row of each tested shadow map texel.
     pub texels: &'a [[u32; 2]],
-    /// Rays whose mean a texel stands for.
+    /// Light rays whose mean transmittance a shadow map texel represents (pre-filter taps).
     pub taps: Taps,
-    /// Depths a ray.
+    /// Number of test depths on each light ray.
     pub depths: usize,
-    /// Depth tolerance that the depths are crowded by where the method has no error bound, mm.
+    /// Depth tolerance for placing test depths around jumps, where the shadow method has no error bound, mm.
     pub default_depth_mm: f64,
-    /// Further test depths of each texel's ray (mm), in the order of the texels; of every one or of none.
+    /// Further test depths on the light ray of each texel, mm, in the order of `texels`. Empty if there are none.
     pub nodes_mm: &'a [Vec<f64>],
 }
 
 impl RayTest<'_> {
-    /// Compares the method with the exact curve of each texel; the `ray` of a deviation is an index into `texels`.
+    /// Compares the shadow map's transmittance with the exact curve of each tested texel. The `ray` of a reported
+    /// deviation is an index into `texels`.
     ///
     /// # Errors
-    /// A lost device.
+    /// The device is lost.
     pub fn run(
         &self,
         field: &ExactField,
@@ -196,11 +206,11 @@ impl RayTest<'_> {
         Ok(report)
     }
 
-    /// Hands the report, depths (mm, ascending) and values of each ray to `visit`, for a method whose transmittance at
-    /// points (world mm) is given by `query`.
+    /// Calls `visit` for each light ray with its test report, depths (mm, ascending) and transmittance values.
+    /// `query` returns the method's transmittance at points (world mm).
     ///
     /// # Errors
-    /// Those of `query`.
+    /// Any error that `query` returns.
     pub fn visit(
         &self,
         field: &ExactField,
@@ -273,14 +283,15 @@ impl RayTest<'_> {
     }
 }
 
-/// A light ray: world points by the map's depth.
+/// Light ray through a shadow map texel, parameterized by the map's depth in mm.
 #[derive(Clone, Copy)]
 struct LightRay {
-    /// World point of depth 0, mm.
+    /// World point on the light ray at depth 0, mm.
     origin: DVec3,
-    /// Away from the light.
+    /// Unit direction of the light ray, away from the light.
     direction: DVec3,
-    /// Depth of the light, or one before anything a light at infinity can meet.
+    /// Depth where the exact integration starts, mm: the point light, or a depth before the volume for a directional
+    /// light.
     start_mm: f64,
 }
 
@@ -289,7 +300,7 @@ impl LightRay {
         let (origin, direction) = space.world_ray(texel);
         let start_mm = match light {
             Light::Point { position } => (position - origin).dot(direction),
-            // The map's range may be that of active bricks only; the exact ray takes nobody's word for it.
+            // The map's depth range may cover active bricks only; the exact ray must not depend on them.
             Light::Directional { .. } => space.z_range[0] - BEFORE_ANYTHING_MM,
         };
         Self { origin, direction, start_mm }
@@ -300,10 +311,11 @@ impl LightRay {
     }
 }
 
-/// Farther than any volume reaches before the first active brick; f64 has digits to spare for it.
+/// Distance in front of the shadow map at which exact rays of directional lights start, mm. It exceeds the extent of
+/// any volume.
 const BEFORE_ANYTHING_MM: f64 = 1e5;
 
-/// The exact curve of a light ray, by the map's depth.
+/// Exact transmittance curve of a light ray, by depth in the shadow map.
 struct ExactRay<'a> {
     curve: OpticalDepthCurve<'a>,
     start_mm: f64,
@@ -324,8 +336,8 @@ impl<'a> ExactRay<'a> {
     }
 }
 
-/// Depths from a little before the first thing met to a little behind the last, within the map's range; the whole
-/// range where nothing is met.
+/// Returns the depth range to test on a light ray: from a little before its first extinction to a little behind its
+/// last, within the shadow map's range. Returns the whole range where there is no extinction.
 fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64) -> [f64; 2] {
     let start = curves.iter().map(|c| c.start_mm).fold(z_min, f64::max);
     let margin = MARGIN * (z_max - z_min) + 2.0 * tolerance_mm;
@@ -337,7 +349,7 @@ fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64
     }
 }
 
-/// Offsets of the rays of a texel from its centre, in texels.
+/// Returns the offsets of a texel's pre-filter rays from its centre, in texels.
 fn tap_offsets(taps: Taps) -> Vec<DVec2> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);

@@ -1,4 +1,5 @@
-//! Hardware, driver and program of a measurement, which every row states, and the key that identifies recorded rows.
+//! Hardware, driver and program version of a measurement, stated in every table row, and the keys that identify
+//! recorded rows.
 
 use super::defaults::settings;
 use super::job::{Effort, Job};
@@ -9,29 +10,29 @@ use crate::volume::Volume;
 use crate::with_voxels;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// The commit that this program was built from, `+changes` where the sources differed from it; `unknown` for a build
+/// Git commit that this program was built from, with `+changes` for modified sources, or `unknown` for a build
 /// outside a checkout.
 pub const REVISION: &str = env!("UMBRAVOX_REVISION");
 
-/// The machine and the program.
+/// Hardware, driver and program version that a measurement was made with.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Facts {
-    /// Name of the graphics adapter.
+    /// Name of the graphics adapter on which the measurement ran.
     pub adapter: String,
-    /// The adapter's driver with its version.
+    /// Driver of the graphics adapter, with its version.
     pub driver: String,
-    /// Threads of the host's parallel work.
+    /// Number of threads for parallel work on the host.
     pub threads: u32,
-    /// `release` or `debug`.
+    /// Build profile of this program: `release` or `debug`.
     pub profile: &'static str,
-    /// Version of this program.
+    /// Version of this program (umbravox).
     pub version: &'static str,
-    /// [`REVISION`].
+    /// Git commit that this program was built from; see [`REVISION`].
     pub revision: &'static str,
 }
 
 impl Facts {
-    /// Collects the facts of this program on a device.
+    /// Collects the hardware, driver and program version for a graphics device.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             adapter: gpu.info.name.clone(),
@@ -43,7 +44,7 @@ impl Facts {
         }
     }
 
-    /// A row of which nothing is measured yet.
+    /// Creates a comparison table row for a method, without measured values.
     pub fn row(&self, scene_name: &str, [width, height]: [u32; 2], method: &dyn Method) -> Row {
         Row {
             scene: scene_name.into(),
@@ -65,23 +66,23 @@ impl Facts {
     }
 }
 
-/// Everything about a job that decides its rows, as one number: machine, program, voxels, transfer function, scene and
-/// how much is measured. Repeats are left out: they are counted.
+/// Returns a hash of everything that determines the rows of a measuring job: machine, program, voxels, transfer
+/// function, scene and effort. The number of repeats is excluded, since timed rounds are counted.
 pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     let mut hasher = DefaultHasher::new();
     facts.hash(&mut hasher);
     hash_volume(job.volume, &mut hasher);
     let effort = Effort { repeats: 0, ..job.effort };
-    // `Debug` writes reals in digits that read back as the same number.
+    // `Debug` writes real numbers with digits that parse to the same number.
     let forced = job.session.transfer.disabled;
-    // The voxels say which strands they are of.
+    // The voxels identify the strands, so a flag is enough.
     let strands = job.strands.is_some();
     format!("{:?} {:?} {} {effort:?} {forced:?} {strands}", job.tf, job.scene, job.scene_name)
         .hash(&mut hasher);
     hasher.finish()
 }
 
-/// The key of a row; `slug` tells a method given twice from itself.
+/// Returns the key of a recorded table row in the journal. `slug` distinguishes a method that is listed twice.
 pub(super) fn row_key(job_key: u64, method: &dyn Method, slug: &str) -> String {
     let mut hasher = DefaultHasher::new();
     (job_key, slug, method.spec()).hash(&mut hasher);

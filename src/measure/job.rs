@@ -1,4 +1,4 @@
-//! Measuring jobs: scene, methods and effort.
+//! Measuring jobs: the volume, transfer function, scene and measuring effort for a comparison of shadow methods.
 
 use super::timing::StageTimes;
 use crate::error::Result;
@@ -13,33 +13,35 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Frames slower than this are timed once, so that one method does not hold up the table.
+/// Frame time above which a method is timed only once, ms, so that one slow method does not delay the whole
+/// comparison.
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
-/// Amounts of measurement: repeats, points, rays, depths.
+/// Measuring effort: numbers of timed repeats, visible points, light rays and depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Effort {
-    /// Timed runs of each method, after warm-up.
+    /// Number of timed runs of each method, after warm-up.
     pub repeats: usize,
-    /// Points that the camera sees.
+    /// Number of visible points at which transmittance errors are measured.
     pub points: usize,
-    /// Light rays.
+    /// Number of light rays along which the error bound is tested.
     pub rays: usize,
-    /// Depths on each light ray.
+    /// Number of depths tested on each light ray.
     pub depths: usize,
-    /// Every texel's light ray, and besides the depths every node on it, instead of so many rays.
+    /// Tests the light rays of all shadow map texels, instead of `rays` of them, and also the depths of all curve
+    /// nodes.
     pub check_all: bool,
 }
 
 impl Effort {
-    /// Valid range of `repeats`.
+    /// Valid range of `repeats`, the number of timed runs of each method.
     pub const REPEATS: RangeInclusive<i64> = 1..=1000;
-    /// Valid range of `points`.
+    /// Valid range of `points`, the number of visible points for transmittance errors.
     pub const POINTS: RangeInclusive<i64> = 1..=10_000_000;
-    /// Valid range of `rays`.
+    /// Valid range of `rays`, the number of tested light rays.
     pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
-    /// Valid range of `depths`.
+    /// Valid range of `depths`, the number of depths tested on each light ray.
     pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
 }
 
@@ -49,30 +51,31 @@ impl Default for Effort {
     }
 }
 
-/// Volume, transfer function and scene that methods are measured on, with the measuring effort.
+/// Measuring job: the volume, transfer function and scene on which shadow methods are measured, and the measuring
+/// effort.
 pub struct Job<'a> {
-    /// The volume and the transfer function on a device.
+    /// Rendering session with the volume and the transfer function on the device.
     pub session: &'a Session,
-    /// Volume of the session.
+    /// Volume that the rendering session has loaded.
     pub volume: &'a Volume,
-    /// Transfer function of the session.
+    /// Transfer function that the rendering session uses.
     pub tf: &'a TransferFunction,
-    /// Strands that the volume was made from, if any.
+    /// Strands (hair or fibres) that the volume was voxelised from, if any.
     pub strands: Option<&'a Strands>,
-    /// Camera, lights, and size of the picture.
+    /// Scene to measure: camera, lights and picture size.
     pub scene: &'a Scene,
-    /// The column `scene`.
+    /// Name of the scene, which becomes the table column `scene`.
     pub scene_name: String,
-    /// Prefix of the names of the scene's files; empty where there is but one scene.
+    /// Prefix of the names of files for this scene. Empty where the comparison has only one scene.
     pub file_prefix: String,
-    /// Remark on the timing of rows, for their notes and those of the table; may be empty.
+    /// Remark on the timing conditions, added to the notes of table rows and of the table. May be empty.
     pub remark: String,
-    /// Amounts of measurement.
+    /// Measuring effort: numbers of timed repeats, visible points, light rays and depths.
     pub effort: Effort,
 }
 
 impl<'a> Job<'a> {
-    /// A job on a volume without strands, in a folder of its own.
+    /// Creates a measuring job for a volume without strands, without a file prefix or remark.
     pub fn new(
         session: &'a Session,
         (volume, tf): (&'a Volume, &'a TransferFunction),
@@ -85,16 +88,16 @@ impl<'a> Job<'a> {
         Self { session, volume, tf, strands: None, scene, scene_name, file_prefix, remark, effort }
     }
 
-    /// Directions of the strands, if the shading of the scene uses them.
+    /// Returns the directions of the strands, if the shading of the scene uses them.
     ///
     /// # Errors
-    /// The host has no memory for it.
+    /// The host is out of memory.
     pub(super) fn directions(&self) -> Result<Option<Arc<DirectionMoments>>> {
         let strands = self.session.loaded.strands.as_ref().filter(|_| self.scene.shading.is_of_strands());
         strands.map(|strands| strands.directions()).transpose()
     }
 
-    /// One timed run of a method.
+    /// Builds a method's shadow maps and renders one picture, and returns the times.
     pub fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
         let start = Instant::now();
         let shadows = self.session.shadows_of(method, self.scene)?;
@@ -106,12 +109,12 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Method and settings as tables name them.
+/// Returns the name of a method with its settings, as tables show it.
 pub fn name_of(method: &dyn Method) -> String {
     [method.name(), &method.params()].join(" ").trim_end().to_string()
 }
 
-/// Text as part of a file name.
+/// Converts a text to a part of a file name. Characters other than ASCII letters, digits and dots become hyphens.
 pub fn file_name_part(text: &str) -> String {
     let keep = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' };
     text.trim_end().chars().map(keep).collect()

@@ -1,8 +1,9 @@
-//! `compare.rows.jsonl`: what has been measured, a line each, on disk as soon as it is measured, so that an interrupted
-//! table can be continued.
+//! Journal of a comparison (`compare.rows.jsonl`): records every measurement on disk at once, so that an interrupted
+//! comparison can resume.
 //!
-//! A line is a row with its errors, written after its picture is on disk, one timed round of a row, or a trial of a
-//! search within a budget. Lines are only ever added, each whole and in one write; what an interruption has left of a last line is dropped.
+//! A line of the journal is one of three: a row with its errors (written after its picture), a timed round of a row,
+//! or a trial of a search within a budget. Lines are only appended, each complete and in one write. An incomplete
+//! last line, left by an interruption, is discarded.
 
 use super::table::Row;
 use super::timing::StageTimes;
@@ -17,26 +18,26 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// The file's name, in the folder of the table.
+/// File name of the journal of measurements, in the output folder of the comparison.
 pub const JOURNAL: &str = "compare.rows.jsonl";
 
-/// A row without its times, as it is measured first.
+/// Errors and memory of one shadow method, measured before its timed rounds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The row, times left out.
+    /// Comparison table row of the method, without times.
     #[serde(rename = "cells", with = "row_as_texts")]
     pub row: Row,
-    /// Part of its files' names.
+    /// Unique part of the names of the row's files, such as its picture.
     pub slug: String,
-    /// Work that the plan skipped.
+    /// Rendering work that the renderer skipped because the scene does not need it.
     pub left_out: Vec<Omission>,
-    /// Notes for the reader of the table.
+    /// Notes on the measurement for the reader of the comparison table.
     pub notes: Vec<String>,
-    /// Time of the first picture, ms, from which slow rows are recognised.
+    /// Time of the method's first picture, ms. It decides whether the method is timed only once.
     pub frame_ms: f64,
 }
 
-/// Rows as their cells in CSV, by column: JSON has no infinity.
+/// Serializes table rows as a map from column names to CSV texts, because JSON cannot represent infinity.
 mod row_as_texts {
     use super::{BTreeMap, Deserialize, Row, Serialize};
     use serde::{Deserializer, Serializer, de::Error};
@@ -51,14 +52,14 @@ mod row_as_texts {
     }
 }
 
-/// A row of an earlier run, with what it was timed so far.
+/// Table row that an earlier run recorded in the journal, with its timed rounds so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recorded {
-    /// The row as it was measured.
+    /// Recorded table row, without times.
     pub measured: Measured,
-    /// `height x width x 4`, linear RGBA.
+    /// Recorded picture of the row's method: `height x width x 4`, linear RGBA.
     pub picture: Array3<f32>,
-    /// Timed rounds with the run of the program that each is from.
+    /// Timed rounds of a method, each with the number of the program run that measured it.
     pub rounds: Vec<(u32, StageTimes)>,
 }
 
@@ -67,7 +68,7 @@ pub struct Recorded {
 enum Line {
     Row {
         key: String,
-        /// Fingerprint of the picture, to distinguish it from another one of the same name.
+        /// Hash of the row's picture, to detect a different picture with the same file name.
         picture: String,
         #[serde(flatten)]
         measured: Measured,
@@ -84,32 +85,32 @@ enum Line {
     },
 }
 
-/// Recorded rows by their keys, and the file of new ones.
+/// Journal of measurements: the rows that earlier runs recorded, by key, and the file for new ones.
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
-    /// Metadata of the pictures, by keys.
+    /// Metadata for the picture files, as pairs of key and text.
     about: Vec<(String, String)>,
-    /// Rows that are on disk and belong to this run's table.
+    /// Number of table rows that this run recorded in the journal or reused from it.
     recorded: usize,
-    /// Number of this run of the program, from 1 for the first that writes to a journal.
+    /// Number of this program run in the journal; the first one is 1.
     run: u32,
-    /// Measured rows by key, each with the fingerprint of its picture.
+    /// Measured table rows by key, each with the hash of its picture.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
     trials: HashMap<String, Row>,
 }
 
 impl Journal {
-    /// A journal that records nothing.
+    /// Creates a journal that records nothing.
     pub fn nowhere() -> Self {
         Self::default()
     }
 
-    /// Opens the journal of a folder that exists: to go on with what is there, or to start anew, which forgets it.
+    /// Opens the journal in an existing folder, either to resume from it or to discard its contents and start anew.
     ///
     /// # Errors
-    /// A file that cannot be read or written, that another run is writing to, or with a line that is none of a journal.
+    /// The journal file cannot be read or written, another run is writing to it, or it has an invalid line.
     pub fn open(folder: &Path, resume: bool) -> Result<Self> {
         let path = folder.join(JOURNAL);
         let failed = |e: std::io::Error| Error::runtime("cannot record rows", path.display(), e);
@@ -120,7 +121,7 @@ impl Journal {
             .truncate(false)
             .open(&path)
             .map_err(failed)?;
-        // A file system without locks cannot say who writes.
+        // On a file system without locks, another writer cannot be detected.
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             let why = "another `umbravox compare` is writing to the folder";
             return Err(Error::input("cannot record rows", path.display(), why));
@@ -148,22 +149,22 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Number of rows of earlier runs, of all scenes and settings.
+    /// Number of table rows from earlier runs that are not yet reused, over all scenes and settings.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Number of rows of the table on disk, measured by this run or by earlier ones.
+    /// Number of table rows in the journal, measured by this run or by earlier ones.
     pub fn recorded(&self) -> usize {
         self.recorded + self.rows.len()
     }
 
-    /// Sets the texts, by key, of the pictures that are recorded from now on, besides their methods.
+    /// Sets the metadata of pictures recorded from now on, as pairs of key and text. The method is added to it.
     pub fn describe(&mut self, about: Vec<(String, String)>) {
         self.about = about;
     }
 
-    /// Whether there are none.
+    /// Whether no table rows from earlier runs are left to reuse.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -171,7 +172,7 @@ impl Journal {
     fn read(&mut self, line: &[u8]) -> Result<(), String> {
         match serde_json::from_slice(line).map_err(|e| e.to_string())? {
             Line::Row { key, picture, measured } => {
-                // A row measured again, because its picture was gone, is timed again.
+                // A row that was measured again, because its picture was missing, is also timed again.
                 self.rounds.remove(&key);
                 self.rows.insert(key, (measured, picture));
             }
@@ -186,7 +187,8 @@ impl Journal {
         Ok(())
     }
 
-    /// Removes and returns the row of a key, if an earlier run measured it and its pictures still exist unchanged.
+    /// Removes and returns the recorded table row with a key. Returns `None` if no earlier run measured it, or if its
+    /// pictures are missing or changed.
     pub fn take(&mut self, key: &str) -> Option<Recorded> {
         let (measured, expected) = self.rows.remove(key)?;
         let [png, exr] = self.pictures(&measured.slug)?;
@@ -197,10 +199,10 @@ impl Journal {
         recorded.then_some(Recorded { measured, picture, rounds })
     }
 
-    /// Puts a row's pictures on disk, and then the row.
+    /// Writes the pictures of a table row to disk, and then records the row in the journal.
     ///
     /// # Errors
-    /// Files that cannot be written.
+    /// A picture file or the journal file cannot be written.
     pub fn record(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
         let Some(pictures) = self.pictures(&measured.slug) else { return Ok(()) };
         let mut about = self.about.clone();
@@ -214,35 +216,35 @@ impl Journal {
         Ok(())
     }
 
-    /// Adds a timed round of some rows.
+    /// Records the times of one round for several table rows, given by key.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The journal file cannot be written.
     pub fn record_round<'k>(&mut self, times: impl IntoIterator<Item = (&'k str, StageTimes)>) -> Result<()> {
         let run = self.run;
         let line = |(key, times): (&str, _)| Line::Round { key: key.into(), run, times };
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
     }
 
-    /// Returns the trial of a key, if an earlier run made it.
+    /// Returns the recorded trial of a settings search by its key; `None` if no earlier run made it.
     pub fn trial(&self, key: &str) -> Option<Row> {
         self.trials.get(key).cloned()
     }
 
-    /// Adds a trial.
+    /// Records a trial of a settings search in the journal.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The journal file cannot be written.
     pub fn record_trial(&mut self, key: &str, trial: &Row) -> Result<()> {
         self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
     }
 
-    /// Number of this run of the program, from 1.
+    /// Number of this program run in the journal; the first one is 1.
     pub fn run(&self) -> u32 {
         self.run
     }
 
-    /// A row's picture as PNG, and as EXR, which keeps every bit.
+    /// Returns the paths of a row's picture as PNG and as EXR, which is lossless.
     fn pictures(&self, slug: &str) -> Option<[PathBuf; 2]> {
         let (folder, _) = self.place.as_ref()?;
         Some(["png", "exr"].map(|e| folder.join(format!("picture_{slug}.{e}"))))
@@ -262,16 +264,17 @@ impl Journal {
     }
 }
 
-/// Removes the pictures of a journal that is started anew: of rows that a search chose nothing else may say so yet.
+/// Deletes the pictures of a journal that is started anew. For rows that a settings search chose, only the journal
+/// may name their files.
 fn remove_pictures(journal: &mut File, folder: &Path) {
     let mut bytes = Vec::new();
-    // What cannot be read or removed stays, and is written over where a row of that name comes again.
+    // Files that cannot be read or removed stay. A row with the same name overwrites them later.
     let _ = journal.read_to_end(&mut bytes);
     for line in bytes.split(|b| *b == b'\n') {
         let Ok(Line::Row { measured: Measured { slug, .. }, .. }) = serde_json::from_slice(line) else {
             continue;
         };
-        // Whatever the journal says, nothing outside the folder is touched.
+        // Nothing outside the folder is deleted, whatever the journal contains.
         if !slug.contains(['/', '\\']) {
             for ending in ["png", "exr"] {
                 let _ = std::fs::remove_file(folder.join(format!("picture_{slug}.{ending}")));
@@ -280,7 +283,7 @@ fn remove_pictures(journal: &mut File, folder: &Path) {
     }
 }
 
-/// A number for a picture's shape and bits.
+/// Returns a hash of a picture's shape and values.
 fn fingerprint(picture: &Array3<f32>) -> String {
     let mut hasher = DefaultHasher::new();
     picture.dim().hash(&mut hasher);
@@ -315,7 +318,7 @@ mod tests {
         }
     }
 
-    /// Writes a journal of two rows, one with a round.
+    /// Writes a test journal with two rows, one of them with a timed round.
     fn written(folder: &Path) {
         let mut journal = Journal::open(folder, false).unwrap();
         journal.record("k1", &measured(1), &picture()).unwrap();
@@ -385,14 +388,14 @@ mod tests {
         let mut journal = Journal::open(dir.path(), true).unwrap();
         assert_eq!((journal.take("k1"), journal.take("k2")), (None, None));
         drop(journal);
-        // Another row's picture of the same name is not its own.
+        // A picture of another row with the same file name is rejected.
         let mut journal = Journal::open(dir.path(), true).unwrap();
         journal.record("k1", &measured(1), &picture()).unwrap();
         journal.record("other", &measured(1), &(picture() + 1.0)).unwrap();
         drop(journal);
         let mut journal = Journal::open(dir.path(), true).unwrap();
         assert!(journal.take("k1").is_none() && journal.take("other").is_some());
-        // The rounds of before are not those of the row measured again.
+        // Rounds timed before do not apply to the row measured again.
         journal.record("k1", &measured(1), &picture()).unwrap();
         drop(journal);
         assert_eq!(Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds, []);

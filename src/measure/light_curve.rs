@@ -1,7 +1,7 @@
-//! Transmittance against depth along one light ray: the exact curve, and what methods make of it.
+//! Transmittance against depth along one light ray: the exact curve and the curves of shadow methods.
 //!
-//! The figure is that of Kim and Neumann 2001 (Figure 1: the opacity function and the maps that approximate it) and of
-//! Hadwiger et al. 2006 (3.3: a visibility function and its nodes), with the exact function in it.
+//! The plot follows Kim and Neumann 2001 (Figure 1: the opacity function and the maps that approximate it) and
+//! Hadwiger et al. 2006 (3.3: a visibility function and its nodes), with the exact function added.
 
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
@@ -9,61 +9,63 @@ use crate::scene::Light;
 use glam::DVec3;
 use serde::Serialize;
 
-/// Depths in equal distances along the way through the volume.
+/// Number of evenly spaced depths along a light ray through the volume.
 const UNIFORM_DEPTHS: usize = 801;
-/// Depths around each jump of the extinction, in units of the smallest voxel spacing.
+/// Offsets of further sample depths around each jump of the extinction, in units of the smallest voxel spacing.
 const JUMP_OFFSETS: [f64; 9] = [-0.5, -0.1, -0.02, -1e-6, 0.0, 1e-6, 0.02, 0.1, 0.5];
 
-/// The way of a light ray through the volume, with the exact transmittance along it.
+/// Segment of a light ray inside the volume, with the exact transmittance along it.
 ///
-/// Depth 0 is where the ray enters the volume, or the light itself where that lies inside.
+/// Depth 0 is where the ray enters the volume, or the light itself if it lies inside the volume.
 #[derive(Debug, Clone, Serialize)]
 pub struct LightCurve {
-    /// The point that the ray was laid through, world mm.
+    /// Point that the light ray passes through, world mm.
     pub point_mm: DVec3,
-    /// Depth of the point, mm; negative or beyond `length_mm` outside the volume.
+    /// Depth of `point_mm` along the light ray, mm. Negative or greater than `length_mm` where the point lies outside
+    /// the volume.
     pub point_depth_mm: f64,
-    /// World point of depth 0, mm.
+    /// World point on the light ray at depth 0, mm.
     pub origin_mm: DVec3,
-    /// Unit direction away from the light.
+    /// Unit direction of the light ray, away from the light.
     pub direction: DVec3,
-    /// Depth at which the ray leaves the volume.
+    /// Depth at which the light ray leaves the volume, mm.
     pub length_mm: f64,
-    /// Ascending and distinct: evenly spaced, and more around the jumps of the exact curve.
+    /// Sample depths along the light ray, mm, strictly ascending. Evenly spaced, and denser around jumps of the exact
+    /// transmittance curve.
     pub depth_mm: Vec<f64>,
-    /// Transmittance from the light to each depth.
+    /// Exact transmittance from the light to each sample depth.
     pub exact: Vec<f64>,
 }
 
-/// A method's transmittance at the depths of a [`LightCurve`].
+/// Transmittance by a shadow method at the sample depths of a [`LightCurve`].
 #[derive(Debug, Clone, Serialize)]
 pub struct MethodCurve {
-    /// Name of the method.
+    /// Name of the shadow method.
     pub method: String,
-    /// `key=value` texts separated by spaces.
+    /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// Texels a side, where the method has a map.
+    /// Texels per side of the shadow map; `None` where the method has no map.
     pub map: Option<u32>,
-    /// One value a depth.
+    /// Transmittance by the shadow method at each sample depth of the light ray.
     pub transmittance: Vec<f32>,
 }
 
-/// The depth at which a method is farthest from the exact curve.
+/// Largest deviation of a shadow method from the exact transmittance curve along a light ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Farthest {
-    /// Depth along the ray, mm.
+    /// Depth along the light ray at the largest deviation, mm.
     pub depth_mm: f64,
-    /// The method's transmittance there.
+    /// Transmittance by the shadow method at the depth of the largest deviation.
     pub t_method: f64,
-    /// The exact one.
+    /// Exact transmittance at the depth of the largest deviation.
     pub t_exact: f64,
 }
 
 impl LightCurve {
-    /// Lays the light's ray through a world point and takes the exact curve along it.
+    /// Creates the light ray through a world point and computes the exact transmittance along it.
     ///
     /// # Errors
-    /// The ray misses the volume, or the point is where a point light is.
+    /// The light ray misses the volume, or the point is the position of the point light.
     pub fn through(field: &ExactField, light: &Light, point_mm: DVec3) -> Result<Self> {
         let [x, y, z] = point_mm.to_array();
         let refuse = |why: &str| Error::input("cannot probe a light ray", format!("{x},{y},{z}"), why);
@@ -71,7 +73,7 @@ impl LightCurve {
         let start = match *light {
             Light::Point { position } => position,
             Light::Directional { toward } => {
-                // From before the volume, wherever the point lies.
+                // The ray starts in front of the volume, wherever the point lies.
                 let reach = corners.iter().map(|c| c.distance(point_mm)).fold(0.0, f64::max);
                 point_mm + 2.0 * reach * toward.normalize()
             }
@@ -100,17 +102,18 @@ impl LightCurve {
         Ok(Self { point_mm, point_depth_mm, origin_mm, direction, length_mm, depth_mm, exact })
     }
 
-    /// The world point of a depth, mm.
+    /// Returns the world point at a depth along the light ray, mm.
     pub fn at(&self, depth_mm: f64) -> DVec3 {
         self.origin_mm + depth_mm * self.direction
     }
 
-    /// The world points of all depths, mm.
+    /// Returns the world points of all sample depths along the light ray, mm.
     pub fn points_mm(&self) -> Vec<DVec3> {
         self.depth_mm.iter().map(|&z| self.at(z)).collect()
     }
 
-    /// First depth of the largest difference between a method and the exact curve; NaN counts as the largest.
+    /// Returns the largest deviation between a method's curve and the exact transmittance curve, at the first depth
+    /// where it occurs. NaN counts as the largest.
     pub fn farthest(&self, of: &MethodCurve) -> Option<Farthest> {
         let far = |f: &Farthest| {
             let e = (f.t_method - f.t_exact).abs();
@@ -121,11 +124,11 @@ impl LightCurve {
             .reduce(|best, next| if far(&next) > far(&best) { next } else { best })
     }
 
-    /// `depth_mm, x_mm, y_mm, z_mm, exact` and a column a method as CSV with a header line, numbers in the fewest
-    /// digits that read back as the same.
+    /// Writes the transmittance curves as CSV with the columns `depth_mm, x_mm, y_mm, z_mm, exact` and one per
+    /// method. Numbers have the fewest digits that parse to the same value.
     ///
     /// # Errors
-    /// The writer's own, which memory does not give.
+    /// The CSV writer fails, which does not happen in memory.
     pub fn csv(&self, methods: &[MethodCurve]) -> Result<Vec<u8>> {
         let failed = |e: &dyn std::fmt::Display| Error::runtime("cannot write table", "CSV", e);
         let mut writer = csv::Writer::from_writer(Vec::new());
@@ -143,7 +146,7 @@ impl LightCurve {
 }
 
 impl MethodCurve {
-    /// Method and parameters, with the map's size where that differs among `all`.
+    /// Returns the method's name with its settings, and the shadow map size where it differs among `all` curves.
     pub fn name(&self, all: &[Self]) -> String {
         let mut name = [self.method.as_str(), &self.params].join(" ").trim_end().to_string();
         let mut sizes = all.iter().filter_map(|m| m.map);
@@ -156,7 +159,8 @@ impl MethodCurve {
     }
 }
 
-/// Depths from 0 to `length_mm`: evenly spaced, around every jump, and `also` where it lies among them.
+/// Returns sample depths from 0 to `length_mm`: evenly spaced ones, some around every jump, and `also` if it lies in
+/// this range.
 fn depths(length_mm: f64, jumps_mm: &[f64], also: f64, spacing_mm: f64) -> Vec<f64> {
     let last = (UNIFORM_DEPTHS - 1) as f64;
     let even = (0..UNIFORM_DEPTHS).map(|i| length_mm * (i as f64 / last));
@@ -164,7 +168,7 @@ fn depths(length_mm: f64, jumps_mm: &[f64], also: f64, spacing_mm: f64) -> Vec<f
     let mut depths: Vec<f64> =
         even.chain(around).chain([also]).filter(|z| (0.0..=length_mm).contains(z)).collect();
     depths.sort_by(f64::total_cmp);
-    // Depths that only rounding tells apart are one.
+    // Depths that differ only by rounding are merged.
     depths.dedup_by(|a, b| (*a - *b).abs() <= 1e-9 * length_mm);
     depths
 }
@@ -182,7 +186,7 @@ mod tests {
         let near = |z: f64| found.iter().filter(|d| (*d - z).abs() < 0.03).count();
         assert_eq!((near(30.06), near(70.06)), (5, 0));
         assert!(found.windows(2).all(|p| p[1] - p[0] <= 0.125 + 1e-12));
-        // A point outside is none of the depths.
+        // A point outside the range adds no depth.
         assert_eq!(depths(100.0, &[], -1.0, 1.0).len(), UNIFORM_DEPTHS);
     }
 

@@ -1,22 +1,25 @@
-//! Measurement of errors, times and memory of shadow methods, as rows of a table.
+//! Measurement of the errors, times and memory of shadow methods, as rows of a comparison table.
 //!
-//! Errors are of transmittance from the light, `T_method - T_exact`, and are measured in two places. Along **light rays** through texel centres ([`rays`] picks the texels, [`test_depths`] the
-//! depths) they say whether a method satisfies its error bound: [`bound_check`] compares it with the exact curve, widened
-//! by the tolerances in transmittance and in depth, and `ray_err_max` is the plain largest difference. At **points
-//! that the camera sees**, weighted by visibility, they say what a user notices ([`stats::ErrorStats`]). The
-//! **picture** itself is compared with the exact one in linear RGBA ([`stats::image_error`]) and as a viewer sees
-//! it ([`similarity::ssim`]); [`mod@error_map`] has errors pixel by pixel.
+//! **Errors** are differences in transmittance from the light, `T_method - T_exact`, measured in two places. Along
+//! light rays through texel centres they show whether a method satisfies its error bound. [`rays`] picks the texels,
+//! [`test_depths`] the depths, and [`bound_check`] compares with the exact curve, widened by the tolerances in
+//! transmittance and in depth. `ray_err_max` is the largest difference without tolerances. At points visible to the
+//! camera, weighted by visibility, errors show what a user notices ([`stats::ErrorStats`]).
 //!
-//! Times are medians of repeats after a warm-up, with smallest and largest beside them, the methods taking
-//! turns ([`timing::interleave`]); `build_ms` makes the shadow structure, `frame_ms` one picture with it made,
-//! and the column `clock` says whose clock it was.
+//! The **picture** is compared with the exact one in linear RGBA ([`stats::image_error`]) and by structural
+//! similarity ([`similarity::ssim`]). [`mod@error_map`] has errors pixel by pixel.
 //!
-//! [`errors`] compares a built method with the exact field; [`mod@compare`] makes the
-//! [`Row`](table::Row)s of a scene, one a method and setting, and [`mod@ablate`] those of what the plan leaves out;
-//! [`budget`] searches settings within so many bytes or milliseconds;
-//! [`mod@stability`] takes every method through stiff and extreme cases, and [`light_curve`] follows a single light ray.
-//! [`journal`] records measurements on disk at once; [`progress`] reports steps to an observer, which can cancel.
-//! Tables and figures of the rows are made by [`report`](crate::report).
+//! **Times** are medians of repeats after a warm-up, with minimum and maximum. Methods are timed in turn
+//! ([`timing::interleave`]). `build_ms` is the time to build the shadow map, `frame_ms` the time to render one
+//! picture with it. The column `clock` names the clock.
+//!
+//! [`errors`] compares a built shadow map with the exact field. [`mod@compare`] measures the [`Row`](table::Row)s of
+//! a scene, one per method and setting. [`mod@ablate`] measures the effect of each renderer optimization. [`budget`]
+//! searches settings within limits of memory or time. [`stability`](crate::replication::stability) runs every method
+//! on extreme cases. [`light_curve`] follows a single light ray.
+//!
+//! [`journal`] records measurements on disk at once. [`progress`] reports steps to an observer, which can cancel.
+//! [`report`](crate::report) makes tables and figures of the rows.
 
 pub mod ablate;
 pub mod bound_check;

@@ -1,12 +1,13 @@
-//! The Pareto front of a table.
+//! Pareto front of the comparison table: methods that no other method beats in both speed and error.
 
 use super::table::Row;
 
-/// Fills `pareto`: a row is on the front unless another of the same scene, adapter and picture size is at once
-/// faster (greater `fps_moving`) and closer (smaller `point_err_rms`).
+/// Fills the table column `pareto`. A row is on the Pareto front unless another row is both faster (greater
+/// `fps_moving`) and more accurate (smaller `point_err_rms`). Only rows of the same scene, adapter and picture size
+/// compete.
 ///
-/// Both are strict: of two equally fast rows, or two equally close ones, neither puts the other off the front.
-/// Rows that lack either figure (or hold NaN) get no answer and put nobody off.
+/// Both comparisons are strict: a tie in speed or in error removes no row from the front. Rows that lack one of the
+/// two values, or hold NaN, get an empty cell and remove no other row.
 pub fn mark_pareto<'a>(rows: impl IntoIterator<Item = &'a mut Row>) {
     let mut rows: Vec<&mut Row> = rows.into_iter().collect();
     let point = |row: &Row| {

@@ -5,80 +5,80 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// A kind of work.
+/// Kind of work in a step of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum StepKind {
-    /// Exact transmittance at the points that the camera sees.
+    /// Computation of the exact transmittance at visible points.
     Points,
-    /// The exact picture that images are compared with.
+    /// Computation of the exact picture that rendered pictures are compared with.
     ExactPicture,
-    /// Building a method's structure and drawing for the first time.
+    /// First build of a method's shadow map and first picture with it.
     Draw,
-    /// A method's errors.
+    /// Measurement of a shadow method's errors.
     Errors,
-    /// One timed run of a method, or one to warm up.
+    /// One timed run or warm-up run of a shadow method.
     Run,
-    /// Ablation: each optimization of a method's plan disabled in turn.
+    /// Ablation study of one method: each renderer optimization is disabled in turn.
     Ablation,
-    /// A setting that a search within a budget tries.
+    /// One trial of method settings in a search within a budget.
     Trial,
 }
 
-/// Step of a measurement. For the estimate of the remaining time, steps of one kind and method take equally long in
-/// all scenes.
+/// Step of a measurement. The estimate of the remaining time assumes that steps of one kind and method take equally
+/// long in all scenes.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
-    /// Kind of work.
+    /// Kind of work in this step of the measurement.
     pub kind: StepKind,
-    /// Name and settings; empty where the step is for all methods.
+    /// Name and settings of the shadow method. Empty where the step applies to all methods.
     pub method: String,
 }
 
 impl Step {
-    /// Creates a step of a method, or of all methods if `method` is empty.
+    /// Creates a measurement step for one method, or for all methods if `method` is empty.
     pub fn new(kind: StepKind, method: &str) -> Self {
         Self { kind, method: method.into() }
     }
 }
 
-/// Status that a progress bar shows.
+/// Progress of a measurement, as a progress bar shows it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status<'a> {
-    /// Stage and method of the step.
+    /// Step of the measurement that is running now.
     pub step: &'a Step,
-    /// Description of the current work.
+    /// Description of the measurement's current work, for the user.
     pub what: &'a str,
-    /// Steps that are done.
+    /// Number of measurement steps completed.
     pub done: usize,
-    /// Number of all steps.
+    /// Total number of measurement steps, including those not started.
     pub total: usize,
-    /// Seconds that what is left will take, as far as that is known.
+    /// Estimated remaining time of the measurement, s; `None` where unknown.
     pub left_s: Option<f64>,
 }
 
 impl Status<'_> {
-    /// Share of the steps that is done, from 0 to 1.
+    /// Completed fraction of the measurement steps, from 0 to 1.
     pub fn share(&self) -> f32 {
         self.done as f32 / self.total.max(1) as f32
     }
 }
 
-/// Observer of a running measurement, called on the measuring thread.
+/// Observer of a running measurement. Its methods are called on the measuring thread.
 pub trait Watch {
-    /// Called when a step starts.
+    /// Called when a step of the measurement starts.
     fn starts(&mut self, _status: &Status) {}
 
-    /// The `place`-th row of the table, from 0, has new figures: its errors, or times of one more round. Only of the
-    /// finished table is known what is on its Pareto front.
+    /// Called when a comparison table row has new values: its errors, or times of one more round. `_place` is the
+    /// row's index, from 0. The column `pareto` is filled only in the finished table.
     fn row(&mut self, _place: usize, _row: &Row) {}
 
-    /// Called between steps: `false` ends the table there.
+    /// Called between measurement steps. Returning `false` cancels the measurement.
     fn goes_on(&self) -> bool {
         true
     }
 }
 
-/// Observer that only receives the status.
+/// Observer of a measurement that only receives the status of each step.
 struct Look<F>(F);
 
 impl<F: FnMut(&Status)> Watch for Look<F> {
@@ -87,82 +87,83 @@ impl<F: FnMut(&Status)> Watch for Look<F> {
     }
 }
 
-/// Steps that are done, with what they took, and those that are left.
+/// Progress of a measurement: completed steps with their durations, and remaining steps.
 pub struct Progress<'a> {
     left: HashMap<Step, usize>,
-    /// Number of finished runs of each step and their total duration, s.
+    /// Number of completed runs of each measurement step and their total duration, s.
     took: HashMap<Step, (usize, f64)>,
     now: Option<(Step, Instant)>,
     done: usize,
-    /// Number of rows of earlier scenes.
+    /// Number of comparison table rows of earlier scenes.
     rows_before: usize,
     watch: Box<dyn Watch + 'a>,
 }
 
 impl<'a> Progress<'a> {
-    /// Progress whose `show` is called whenever a step starts.
+    /// Creates the progress of a measurement. `show` is called whenever a step starts.
     pub fn new(show: impl FnMut(&Status) + 'a) -> Self {
         Self::watched(Look(show))
     }
 
-    /// Progress whose `watch` is informed of everything, and may end the table.
+    /// Creates the progress of a measurement with an observer, which can cancel it.
     pub fn watched(watch: impl Watch + 'a) -> Self {
         let (left, took) = (HashMap::new(), HashMap::new());
         Self { left, took, now: None, done: 0, rows_before: 0, watch: Box::new(watch) }
     }
 
-    /// Nobody looks.
+    /// Creates the progress of a measurement without an observer.
     pub fn unseen() -> Self {
         Self::new(|_| {})
     }
 
-    /// Adds steps to what is to be done.
+    /// Adds `times` runs of a step to the remaining steps of the measurement.
     pub fn expect(&mut self, step: Step, times: usize) {
         *self.left.entry(step).or_default() += times;
     }
 
-    /// Takes steps off again that turn out not to be needed; all of that kind and method where `times` is more.
+    /// Removes up to `times` runs of a step that turned out not to be needed from the remaining steps.
     pub fn spare(&mut self, step: &Step, times: usize) {
         if let Some(left) = self.left.get_mut(step) {
             *left = left.saturating_sub(times);
         }
     }
 
-    /// Ends the step before and starts this one; `what` says what it is.
+    /// Ends the previous measurement step and starts a new one; `what` describes it to the user.
     ///
     /// # Errors
-    /// It is to end here ([`Error::cancelled`]).
+    /// The observer cancelled the measurement ([`Error::cancelled`]).
     pub fn begin(&mut self, step: Step, what: &str) -> Result<()> {
         self.end();
         self.check(what)?;
         let left_s = self.left_s();
         let total = self.done + self.left.values().sum::<usize>();
-        // A step that nobody expected still counts.
+        // A step that was not announced with `expect` counts too.
         let total = total.max(self.done + 1);
         self.watch.starts(&Status { step: &step, what, done: self.done, total, left_s });
         self.now = Some((step, Instant::now()));
         Ok(())
     }
 
-    /// Checks inside a step whether to go on.
+    /// Checks within a measurement step whether the observer cancelled the measurement.
     ///
     /// # Errors
-    /// It is to end here ([`Error::cancelled`]).
+    /// The observer cancelled the measurement ([`Error::cancelled`]).
     pub fn check(&self, what: &str) -> Result<()> {
         if self.watch.goes_on() { Ok(()) } else { Err(Error::cancelled(what)) }
     }
 
-    /// Tells of new figures of a row of this scene.
+    /// Reports new values of a comparison table row to the observer. `place` is the row's index within the current
+    /// scene.
     pub fn row(&mut self, place: usize, row: &Row) {
         self.watch.row(self.rows_before + place, row);
     }
 
-    /// Begins the next scene; `rows` is the number of rows of the current one.
+    /// Starts the next scene of the measurement. `rows` is the number of table rows of the scene just completed.
     pub fn next_scene(&mut self, rows: usize) {
         self.rows_before += rows;
     }
 
-    /// Ends the step that is being done.
+    /// Ends the current measurement step and records its duration.
     pub fn end(&mut self) {
         if let Some((step, start)) = self.now.take() {
             self.finished(step, start.elapsed().as_secs_f64());
@@ -177,8 +178,9 @@ impl<'a> Progress<'a> {
         self.done += 1;
     }
 
-    /// Seconds for what is left, each step at the mean of those like it: of the same kind and method; for a timed run
-    /// of a method that has had none, its first drawing; of the same kind; of all. `None` before anything is done.
+    /// Estimates the remaining time of the measurement, s; `None` before any step is complete. Each step counts with
+    /// the mean duration of similar steps: the same kind and method, then (for timed runs) the method's first
+    /// picture, then the same kind, then all.
     pub fn left_s(&self) -> Option<f64> {
         let mean = |like: &dyn Fn(&Step) -> bool| {
             let found = self.took.iter().filter(|(step, _)| like(step)).map(|(_, took)| *took);
@@ -202,7 +204,7 @@ impl<'a> Progress<'a> {
     }
 }
 
-/// Seconds as one says them: `40 s`, `3 min`, `2 h 10 min`.
+/// Formats a duration in seconds for the user: `40 s`, `3 min`, `2 h 10 min`.
 pub fn spoken(seconds: f64) -> String {
     let minutes = (seconds / 60.0).round() as u64;
     match minutes {

@@ -1,10 +1,11 @@
-//! Choice of the light rays to test: texels of a shadow map, spread over the optical depths of their rays.
+//! Choice of the shadow map texels whose light rays are tested, spread evenly over rays that meet extinction and over
+//! the edges of that region.
 
-/// Largest fraction of the test rays at the edges of the region with extinction.
+/// Largest fraction of the tested light rays that lie at the edges of the region with extinction.
 const EDGE_SHARE: f64 = 0.25;
 
-/// A well-mixed function of its argument (the finaliser of `splitmix64`): the one source of "chance" in
-/// measuring, so that every run tests the same places.
+/// Hashes an integer with the finaliser of `splitmix64`. It replaces random numbers in measurements, so that every
+/// run tests the same places.
 pub(super) fn mix(seed: u64) -> u64 {
     let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -12,15 +13,16 @@ pub(super) fn mix(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Picks `count` distinct texels `[column, row]` of a `map x map` grid whose light rays are to be tested, always
-/// the same ones for the same arguments.
+/// Picks `count` distinct texels `[column, row]` of a `map x map` shadow map whose light rays are tested. Equal
+/// arguments always give the same texels.
 ///
-/// `meets(column, row)` says whether a texel's ray meets anything. Up to a quarter of the rays goes to texels on
-/// the edge of what is met (on either side of it: neighbours differ, or the map ends), where lookups and fits go
-/// wrong first; the others to texels inside it; and what these cannot fill to texels that meet nothing. Each of
-/// the three is covered evenly: texels are lined up along a Morton curve, which keeps neighbours together, and
-/// one is taken from each of equal stretches. They come back in that order, so neighbours in the list are
-/// neighbours in the map. Fewer than `count` come back only if the map has no more.
+/// `meets(column, row)` returns whether a texel's light ray meets extinction. Up to a quarter of the texels lie at
+/// the edges of the region with extinction, on either side: there, interpolation and curve fits fail first. The
+/// others lie inside the region. Texels without extinction are used only where these are too few.
+///
+/// Each of the three groups is sampled evenly: its texels are sorted along a Morton curve, and one is taken from each
+/// of equal intervals. The result has Morton order, so neighbours in the list are neighbours in the map. It has fewer
+/// than `count` texels only if the map is smaller.
 pub fn pick_texels(map: u32, count: usize, meets: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
     let side = map as usize;
     let met: Vec<bool> = (0..side * side).map(|i| meets((i % side) as u32, (i / side) as u32)).collect();
@@ -28,7 +30,7 @@ pub fn pick_texels(map: u32, count: usize, meets: impl Fn(u32, u32) -> bool) -> 
         let (c, r) = (column as usize, row as usize);
         let here = met[r * side + c];
         let differs = |dc: usize, dr: usize| {
-            // Neighbour index plus one, so that 0 is the one before the first; outside nothing is met.
+            // Neighbour index plus one, so that 0 means before the first; outside the map nothing is met.
             let (nc, nr) = ((c + dc).wrapping_sub(1), (r + dr).wrapping_sub(1));
             (nc < side && nr < side && met[nr * side + nc]) != here
         };
@@ -69,7 +71,7 @@ enum Class {
     Empty,
 }
 
-/// One of each of `count` equal stretches of `line`, which has at least `count` entries.
+/// Picks one element from each of `count` equal intervals of a list with at least `count` elements.
 fn spread(line: &[u64], count: usize) -> Vec<u64> {
     (0..count)
         .map(|i| {
@@ -79,7 +81,7 @@ fn spread(line: &[u64], count: usize) -> Vec<u64> {
         .collect()
 }
 
-/// Bits 0, 2, 4, ... of a Morton code, packed: one coordinate.
+/// Extracts one coordinate from a Morton code: its bits 0, 2, 4, ..., packed.
 fn even_bits(code: u64) -> u32 {
     (0..u64::BITS / 2).fold(0, |packed, bit| packed | ((code >> (2 * bit)) as u32 & 1) << bit)
 }

@@ -1,4 +1,5 @@
-//! Reference data that a scene's methods are measured against, and rows before timing: errors and a picture.
+//! Reference data for one scene (exact picture and exact transmittance), and the measurement of each method's errors
+//! against it.
 
 use super::bound_check::BoundReport;
 use super::budget::Budget;
@@ -22,44 +23,47 @@ use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Pixels of the exact picture that `image_*` compare with, and those of them that its own error is estimated from.
+/// Approximate number of pixels in the exact reference picture. Its own error is estimated at `EXACT_PIXELS_CHECKED`
+/// of them.
 const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
-/// Depth tolerance around which depths are crowded for methods without an error bound, in smallest spacings.
+/// Depth tolerance for placing test depths of methods without an error bound, in units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Timed runs of a trial, of which the slower counts: what is chosen by it should keep its budget once more.
+/// Number of timed runs in a trial of method settings. The slower run counts, so that chosen settings stay within the
+/// budget when timed again.
 const TRIAL_RUNS: usize = 2;
-/// Times that tables and brick classes are made, to tell how long that takes.
+/// Number of repetitions when the classification of bricks and the transfer function's tables are timed.
 const TRANSFER_REPEATS: usize = 3;
 
-/// The scene at a small size and its exact picture.
+/// Exact reference picture of a scene at a reduced size.
 struct ExactPicture {
     scene: Scene,
     pixels: Array3<f32>,
-    /// Largest estimated error of the reference itself.
+    /// Largest estimated error of the exact picture itself, in any channel.
     error: f64,
 }
 
-/// Everything that errors are measured against, once for all methods of a scene.
+/// Reference data of one scene, computed once, against which the errors of all methods are measured.
 pub(super) struct Reference<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
     field: &'a ExactField<'a>,
     visible: VisiblePointsByLight,
     exact_picture: ExactPicture,
-    /// Reference of the strands, if the volume was made from strands.
+    /// Transmittance through the strands themselves, if the volume was voxelised from strands.
     strands: Option<StrandReference>,
-    /// Tested texels of maps that are laid out alike.
+    /// Cache of tested shadow map texels, for maps with the same light space.
     texels: Vec<(LightSpace, Vec<[u32; 2]>)>,
     bricks_ms: Option<f64>,
     tables_ms: Option<f64>,
-    /// The pre-compressed table, which only some methods need.
+    /// Time to compute the pre-compressed transfer function table for marching light rays, ms. Only some methods need
+    /// it.
     march_table_ms: Option<f64>,
-    /// Notes about the scene, for each of its rows.
+    /// Notes about the scene, which apply to every method's row.
     notes: Vec<String>,
 }
 
-/// A reference that is made only where something needs it.
+/// Reference data of one scene, computed only when first needed.
 pub(super) struct Shared<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
@@ -72,14 +76,14 @@ impl<'a> Shared<'a> {
         Self { job, facts, field, made: None }
     }
 
-    /// The reference, made at the first call.
+    /// Returns the reference data of the scene, computed at the first call.
     pub fn get(&mut self, progress: &mut Progress) -> Result<&mut Reference<'a>> {
         let (job, facts, field) = (self.job, self.facts, self.field);
         let made = self.made.get_or_insert_with(|| Reference::new(job, facts, field, progress));
         made.as_mut().map_err(|e| e.clone())
     }
 
-    /// Whether anything has needed it.
+    /// Whether the reference data of the scene was needed and thus computed.
     pub fn is_made(&self) -> bool {
         self.made.is_some()
     }
@@ -141,8 +145,9 @@ impl<'a> Reference<'a> {
         })
     }
 
-    /// Builds and draws once, which warms the pipelines up, and measures errors.
-    // Long: the stages of one measurement, each of which reads what the stages before measured.
+    /// Builds a method's shadow maps and renders once, which also warms up the pipelines. Then measures the method's
+    /// errors.
+    // Long, because each stage of the measurement reads the results of the stages before.
     pub fn measure(
         &mut self,
         method: &dyn Method,
@@ -152,11 +157,11 @@ impl<'a> Reference<'a> {
         let (job, name) = (self.job, name_of(method));
         progress.begin(Step::new(StepKind::Draw, &name), &format!("{name}: building and drawing"))?;
         let needed = job.session.needs_shadows(job.scene);
-        // A transfer function of its own tells which tables the method needs.
+        // A separate transfer function shows which tables the method needs.
         let transfer = job.session.fresh_transfer(job.tf)?;
         let Session { renderer, loaded, .. } = job.session;
         let build = || {
-            // The small picture, whose sides are rounded, may be a little wider.
+            // The exact picture is small and its sides are rounded, so that it may be slightly wider.
             let view = View::of_shadows(job.scene).map(|view| view.holding(&self.exact_picture.scene));
             renderer.shadows_in(loaded, &transfer, method, job.scene, view.as_ref())
         };
@@ -164,20 +169,20 @@ impl<'a> Reference<'a> {
         let mut shadows = build()?;
         let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
         if BuildReport::of_all(&shadows).guessed {
-            // The row is about what a moved light finds.
+            // The row describes a build after the light has moved, when sizes are known.
             shadows = build()?;
         }
         let marches = |map: &ShadowMap| map.lookup.as_ref().is_some_and(|l| l.marches());
         let marched = transfer.march_table().is_some() || shadows.iter().any(marches);
         if marched {
-            // Timed runs use the session's own tables, which must not be made in the first of them.
+            // Timed runs use the session's own tables, whose computation must not fall into the first run.
             job.session.transfer.make_march_table(renderer.gpu())?;
         }
         let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
         progress.check(&format!("{name}: drawing"))?;
         let mut picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
         if picture.span.best().0 > SLOW_FRAME_MS {
-            // Drivers compile as late as the first use, and a busy machine takes seconds for it.
+            // Drivers may compile at the first use, which takes seconds on a busy machine.
             picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
         }
         let report = BuildReport::of_all(&shadows);
@@ -219,7 +224,7 @@ impl<'a> Reference<'a> {
         row.image_exact_err = Some(exact.error);
         progress.begin(Step::new(StepKind::Errors, &name), &format!("{name}: errors"))?;
         let mut notes = self.notes.clone();
-        // A structure that was not built has no errors of its own.
+        // A shadow map that was not built has no errors of its own.
         if needed.is_ok() {
             if let Some(stats) = self.visible.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
@@ -242,12 +247,13 @@ impl<'a> Reference<'a> {
         Ok((measured, picture.pixels))
     }
 
-    /// Row of a method without measurements.
+    /// Creates a comparison table row for a method, without measured values.
     pub fn row(&self, method: &dyn Method) -> Row {
         self.facts.row(&self.job.scene_name, [self.job.scene.width, self.job.scene.height], method)
     }
 
-    /// Fills the row of a trial: what the setting needs of each kind of budget, and its errors where one may allow it.
+    /// Measures a trial of method settings: memory, times where a time budget is given, and errors where the settings
+    /// satisfy a budget.
     pub fn try_setting(&self, method: &dyn Method, budgets: &[Budget], trial: &mut Row) -> Result<()> {
         let job = self.job;
         let mut shadows = job.session.shadows_of(method, job.scene)?;
@@ -264,7 +270,7 @@ impl<'a> Reference<'a> {
                 times.push(job.timed(method)?);
                 let timing = Timing::of(&times)?;
                 [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.max));
-                // Nothing brings it within reach.
+                // Another run cannot bring the time within the budget.
                 if timing.build_ms.min + timing.frame_ms.min > 2.0 * largest_ms {
                     break;
                 }
@@ -277,8 +283,8 @@ impl<'a> Reference<'a> {
         Ok(())
     }
 
-    /// Fills the light-ray errors of a row from the shadow maps, one per light in order; adds a note where an error bound
-    /// is violated.
+    /// Measures the errors along light rays in the shadow maps, one per light in order, and fills the table row.
+    /// Returns a note for each violated error bound.
     fn measure_rays(
         &mut self,
         method: &dyn Method,
@@ -287,7 +293,7 @@ impl<'a> Reference<'a> {
     ) -> Result<Vec<String>> {
         let (mut all, mut notes) = (BoundReport::default(), Vec::new());
         for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
-            // Together they are as many rays as one light's.
+            // All lights together get as many rays as a single light would.
             let count = self.job.effort.rays.div_ceil(shadows.len());
             let (report, note) = self.measure_rays_of(method, (source.light, shadow), count)?;
             all = all.merge(report);
@@ -297,7 +303,7 @@ impl<'a> Reference<'a> {
         Ok(notes)
     }
 
-    /// Measures one light with a given number of rays.
+    /// Measures the errors along `count` light rays in the shadow map of one light.
     fn measure_rays_of(
         &mut self,
         method: &dyn Method,
@@ -350,7 +356,8 @@ impl<'a> Reference<'a> {
     }
 }
 
-/// The scene at about [`EXACT_PIXELS`] pixels and the same shape, or as it is where it is smaller.
+/// Returns the scene reduced to about [`EXACT_PIXELS`] pixels with the same aspect ratio. Smaller scenes stay
+/// unchanged.
 fn small_scene(scene: &Scene) -> Scene {
     let (width, height) = (f64::from(scene.width), f64::from(scene.height));
     let scale = (EXACT_PIXELS / (width * height)).sqrt().min(1.0);

@@ -1,4 +1,5 @@
-//! Envelope of the curves of rays and values that float32 cannot tell from the exact ones (`docs/bound.md`).
+//! Rounding envelope: bounds on the transmittance along rays and values that float32 cannot distinguish from the
+//! exact ones (`docs/bound.md`).
 
 use super::test_depths::sort_distinct;
 use crate::exact::{ExactField, OpticalDepthCurve};
@@ -7,19 +8,21 @@ use crate::transfer::TransferFunction;
 use glam::DVec3;
 use std::sync::OnceLock;
 
-/// Rays around one, besides itself.
+/// Number of neighbouring rays on each ring around a light ray, from which its rounding envelope is computed.
 const AROUND: usize = 8;
-/// Shares of the lateral tolerance at which they lie.
+/// Radii of the rings of neighbouring rays, as fractions of the error bound's lateral tolerance.
 const RINGS: [f64; 2] = [0.5, 1.0];
-/// Depths, besides the requested ones and those where curves bend, at which the envelope is computed.
+/// Number of evenly spaced depths at which the rounding envelope is computed, besides the requested depths and jumps
+/// of the curves.
 const REGULAR_DEPTHS: usize = 256;
 
-/// Envelope of the transmittance curves that float32 cannot tell from the exact one: it contains every curve that follows,
-/// from one depth to the next, any of them. For a pre-filtered map it is the mean of the envelopes of its rays.
+/// Rounding envelope of transmittance along a light ray. It contains every curve whose slope at each depth lies
+/// between those of the curves that float32 cannot distinguish from the exact one. For a pre-filtered shadow map it
+/// is the mean of the envelopes of the averaged rays.
 #[derive(Debug, Clone)]
 pub struct RoundingEnvelope(Vec<Envelope>);
 
-/// Smallest and largest transmittance at a list of depths (mm, ascending).
+/// Smallest and largest transmittance at each depth of a list (mm, ascending).
 #[derive(Debug, Clone)]
 struct Envelope {
     depths_mm: Vec<f64>,
@@ -27,7 +30,8 @@ struct Envelope {
 }
 
 impl RoundingEnvelope {
-    /// Builds the envelope of some curves of optical depth; a curve may pass from one to another at `depths_mm` (ascending).
+    /// Computes the rounding envelope of several optical depth curves. A curve inside the envelope may switch from
+    /// one of them to another at each of `depths_mm` (ascending).
     pub fn of(optical_depths: &[impl Fn(f64) -> f64], depths_mm: Vec<f64>) -> Self {
         let mut range = Vec::with_capacity(depths_mm.len());
         let mut before: Vec<f64> = vec![0.0; optical_depths.len()];
@@ -43,7 +47,7 @@ impl RoundingEnvelope {
         Self(vec![Envelope { depths_mm, range }])
     }
 
-    /// Returns the mean of several envelopes.
+    /// Returns the mean of several rounding envelopes.
     pub fn mean(all: Vec<Self>) -> Self {
         Self(all.into_iter().flat_map(|n| n.0).collect())
     }
@@ -52,7 +56,7 @@ impl RoundingEnvelope {
         self.0.iter().map(of).sum::<f64>() / self.0.len().max(1) as f64
     }
 
-    /// Least transmittance at a depth: that of the next known depth.
+    /// Smallest transmittance in the rounding envelope at depth `z` (mm). It is the value at the next stored depth.
     pub fn least(&self, z: f64) -> f64 {
         self.mean_of(|e| {
             let i = e.depths_mm.partition_point(|d| *d < z);
@@ -60,7 +64,8 @@ impl RoundingEnvelope {
         })
     }
 
-    /// Largest transmittance at a depth: that of the known depth before it.
+    /// Largest transmittance in the rounding envelope at depth `z` (mm). It is the value at the previous stored
+    /// depth.
     pub fn most(&self, z: f64) -> f64 {
         self.mean_of(|e| {
             let i = e.depths_mm.partition_point(|d| *d <= z);
@@ -69,15 +74,16 @@ impl RoundingEnvelope {
     }
 }
 
-/// The exact field with the tolerances of an error bound.
+/// Exact float64 field of a volume together with a method's error bound, for computing rounding envelopes of light
+/// rays.
 pub(super) struct NearbyRays<'a> {
     field: &'a ExactField<'a>,
     bound: Bound,
-    /// Transfer functions shifted by the value tolerance in both directions.
+    /// Transfer functions shifted by the value tolerance of the error bound, in both directions.
     moved: OnceLock<[TransferFunction; 2]>,
 }
 
-/// A function of values that are all larger by `by`.
+/// Returns the transfer function shifted along the value axis: it maps `v` as `tf` maps `v + by`.
 fn moved(tf: &TransferFunction, by: f64) -> TransferFunction {
     tf.scale_values(|value| value - by)
 }
@@ -87,8 +93,9 @@ impl<'a> NearbyRays<'a> {
         Self { field, bound, moved: OnceLock::new() }
     }
 
-    /// Envelope around the ray from `origin` (world mm, at depth `start_mm`), known at the given depths at least;
-    /// `None` where the error bound has no such tolerance.
+    /// Returns the rounding envelope around the light ray from `origin` (world mm, at depth `start_mm`), with values
+    /// at least at the depths `known_mm`. Returns `None` where the error bound has neither a lateral nor a value
+    /// tolerance.
     pub fn envelope(
         &self,
         origin: DVec3,

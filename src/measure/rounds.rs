@@ -1,4 +1,4 @@
-//! The timed rounds of a table's rows.
+//! Timed rounds of a comparison: each round times every shadow method once, in turn.
 
 use super::comparison::Compared;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
@@ -8,22 +8,23 @@ use super::timing::{Event, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
 use crate::shadow::Method;
 
-/// A method whose errors are known and whose times may be.
+/// Shadow method in a comparison whose errors are measured and whose timed rounds may follow.
 pub struct TimedRow<'a> {
     pub method: &'a dyn Method,
-    /// Among the rows.
+    /// Index of the method's row in the comparison table.
     place: usize,
     key: String,
     pub compared: Compared,
     pub frame_ms: f64,
-    /// Timed rounds with the run of the program that each is from.
+    /// Timed rounds of the method, each with the number of the program run that measured it.
     rounds: Vec<(u32, StageTimes)>,
-    /// Whether this run of the program has already drawn a picture with the method.
+    /// Whether this run of the program has already rendered a picture with the method.
     warm: bool,
 }
 
 impl<'a> TimedRow<'a> {
-    /// Row of a measured method, with the notes about it; `warm` where this run of the program has drawn it.
+    /// Creates the row of a method with measured errors, and returns the notes about it. `warm` tells whether this
+    /// program run has rendered with the method.
     pub fn new(
         method: &'a dyn Method,
         place: usize,
@@ -38,7 +39,8 @@ impl<'a> TimedRow<'a> {
     }
 }
 
-/// Times methods in turn, each until it has been timed `repeats` times, and fills their rows; gives what failed.
+/// Times shadow methods in turn until each has `repeats` timed rounds, and fills their table rows. Returns the
+/// methods that failed, with their errors.
 pub fn time(
     job: &Job,
     rows: &mut [&mut TimedRow],
@@ -50,20 +52,20 @@ pub fn time(
     for (i, timed) in rows.iter_mut().enumerate() {
         timed.rounds.truncate(repeats);
         let rounds = repeats - timed.rounds.len();
-        // A slow frame has been warmed up by its first picture; the others by one more round, all in turn.
+        // The first picture has warmed up a slow method; the others get one warm-up round, in turn.
         let warmup = usize::from(rounds > 0 && !(timed.warm && timed.frame_ms > SLOW_FRAME_MS));
         let step = Step::new(StepKind::Run, &name_of(timed.method));
         progress.spare(&step, (1 + job.effort.repeats).saturating_sub(warmup + rounds));
         if rounds > 0 {
             missing.push((i, warmup, rounds));
             let row = &mut timed.compared.row;
-            // A row recorded by another run may have been timed otherwise.
+            // A row recorded by another run may have been timed under other conditions.
             if !job.remark.is_empty() && !row.note.contains(&job.remark) {
                 row.add_note(&job.remark);
             }
         }
     }
-    // Rows as they are so far, for who watches.
+    // Rows with their times so far, for the observer.
     let shown = |(i, ..): &(usize, usize, usize)| {
         let timed = &rows[*i];
         let times: Vec<_> = timed.rounds.iter().map(|(_, times)| *times).collect();

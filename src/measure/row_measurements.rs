@@ -1,4 +1,4 @@
-//! Columns of a row from what is measured.
+//! Assignment of measured times, errors and work to the columns of a comparison table row.
 
 use super::bound_check::BoundReport;
 use super::check::Check;
@@ -9,7 +9,7 @@ use crate::gpu::Work;
 use crate::shadow::Bound;
 
 impl Row {
-    /// Fills the times and the frame rates that follow from them.
+    /// Sets the columns of build and frame times, and the frame rates computed from them.
     pub fn set_timing(&mut self, timing: &Timing) {
         let (build, frame) = (timing.build_ms, timing.frame_ms);
         [self.build_ms, self.build_ms_min, self.build_ms_max] =
@@ -24,19 +24,19 @@ impl Row {
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
     }
 
-    /// Fills `point_err_*`.
+    /// Sets the columns `point_err_*`, the transmittance errors at visible points.
     pub fn set_point_errors(&mut self, stats: &ErrorStats) {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =
             [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
         self.point_err_mean_signed = Some(stats.mean);
     }
 
-    /// Fills `image_rmse` and `image_psnr`.
+    /// Sets the columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
     pub fn set_image_error(&mut self, error: &ImageError) {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
     }
 
-    /// Fills what is measured along light rays.
+    /// Sets the columns of errors along light rays: `ray_err_max`, `bound*`, `rays_tested` and `depths_tested`.
     pub fn set_ray_errors(&mut self, report: &BoundReport, bound: Option<Bound>) {
         self.ray_err_max = report.ray_err_max();
         self.bound = bound.map(|p| p.transmittance);
@@ -49,7 +49,8 @@ impl Row {
         self.depths_tested = Some(report.depths as u64);
     }
 
-    /// Fills `work_*`: of a build of so many texels, and of a picture of so many pixels.
+    /// Sets the columns `work_*`, the counted GPU work: of a shadow map build, per texel, and of a picture, per
+    /// pixel.
     pub fn set_work(&mut self, (build, texels): (Work, u64), (picture, pixels): (Work, u64)) {
         let each = |work: u64, of: u64| (of > 0).then_some(work as f64 / of as f64);
         self.work_samples = each(picture.samples, pixels);
@@ -59,7 +60,7 @@ impl Row {
         self.work_pieces = each(build.pieces, texels);
     }
 
-    /// Fills `check_*`.
+    /// Sets the columns `check_*`, which compare marching by samples with marching by cells.
     pub fn set_check(&mut self, check: &Check) {
         self.check_n = Some(check.texels);
         [self.check_max, self.check_tolerance] = [check.max, check.tolerance].map(Some);

@@ -1,21 +1,24 @@
-//! Visible difference between two pictures.
+//! Structural similarity (SSIM) of two pictures, as a measure of visible difference.
 
 use crate::error::{Error, Result};
 use crate::files::color::srgb_from_linear;
 use iqa::{Image, Srgb16, SsimOptions};
 use ndarray::ArrayView3;
 
-/// Side of the window that SSIM is a mean over, pixels: smaller pictures have none.
+/// Side of the SSIM window, pixels. SSIM is undefined for smaller pictures.
 pub const SSIM_WINDOW: usize = 11;
 
-/// Mean structural similarity (Wang, Bovik, Sheikh and Simoncelli 2004: Gaussian window of 11 x 11 pixels with a
-/// standard deviation of 1.5, K1 = 0.01, K2 = 0.03) of two `height x width x 4` linear pictures: of their sRGB-encoded
-/// red, green and blue with 16 bits, and the mean of the three. 1 for identical pictures.
+/// Mean structural similarity (SSIM) of two linear RGBA pictures of `height x width x 4`; 1 for identical pictures.
 ///
-/// `None` for pictures smaller than the window, and where a value is not finite, since that has no encoding.
+/// Method: Wang, Bovik, Sheikh and Simoncelli 2004, with a Gaussian window of 11 x 11 pixels (standard deviation
+/// 1.5), K1 = 0.01 and K2 = 0.03. SSIM is computed on the red, green and blue channels, sRGB-encoded with 16 bits,
+/// and averaged over the three.
+///
+/// Returns `None` for pictures smaller than the window, and where a value is not finite, because it cannot be
+/// encoded.
 ///
 /// # Errors
-/// Pictures of different sizes.
+/// The pictures differ in size.
 pub fn ssim(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Option<f64>> {
     let (height, width, _) = picture.dim();
     if height < SSIM_WINDOW || width < SSIM_WINDOW || picture.iter().chain(reference).any(|v| !v.is_finite())
@@ -38,7 +41,7 @@ mod tests {
     use crate::files::color::linear_from_srgb;
     use ndarray::Array3;
 
-    /// A picture from sRGB-encoded values in `[0, 1]`.
+    /// Creates a linear test picture from a function of sRGB-encoded values in `[0, 1]`.
     fn picture(size: usize, encoded: impl Fn(usize, usize, usize) -> f64) -> Array3<f32> {
         Array3::from_shape_fn((size, size, 4), |(j, i, c)| linear_from_srgb(encoded(j, i, c)) as f32)
     }
@@ -55,7 +58,7 @@ mod tests {
 
     #[test]
     fn one_window_by_its_definition() {
-        // A second reading of the formula, over the only window that 11 x 11 pixels hold.
+        // The formula evaluated independently, over the only window in 11 x 11 pixels.
         let x = |j: usize, i: usize| 0.5 + 0.3 * ((3 * j + 5 * i) as f64).sin();
         let y = |j: usize, i: usize| 0.45 + 0.2 * ((3 * j + 5 * i) as f64 + 0.4).sin();
         let weight = |j: usize, i: usize| {

@@ -1,27 +1,27 @@
-//! Medians of timings, statistics of transmittance errors and differences between pictures.
+//! Statistics: medians of times, weighted statistics of transmittance errors, and differences between pictures.
 
 use crate::error::{Error, Result};
 use ndarray::{Array2, ArrayView3, Axis};
 use serde::Serialize;
 
-/// Median and extremes of repeated readings, in the readings' unit.
+/// Median, minimum and maximum of repeated measurements, in their unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
-    /// The middle one, or the mean of the two in the middle.
+    /// Median of the repeated measurements. It is the mean of the middle two for an even number.
     pub median: f64,
-    /// Smallest value.
+    /// Smallest of the repeated measurements.
     pub min: f64,
-    /// Largest value.
+    /// Largest of the repeated measurements.
     pub max: f64,
 }
 
 impl Spread {
-    /// A spread with no width: a figure known without repeating it.
+    /// Creates the statistics of a single exact value: median, minimum and maximum are equal.
     pub const fn exactly(value: f64) -> Self {
         Self { median: value, min: value, max: value }
     }
 
-    /// Median (the mean of the middle two of an even number), smallest and largest; `None` without readings.
+    /// Computes the median, minimum and maximum of repeated measurements; `None` if there are none.
     pub fn of(readings: &[f64]) -> Option<Self> {
         let mut sorted = readings.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -33,14 +33,15 @@ impl Spread {
     }
 }
 
-/// Slack on a rank, relative to the total weight: more than summation rounding, far less than any one point.
+/// Tolerance when weights are summed for a percentile, relative to the total weight. It exceeds the rounding of the
+/// sum and is far below the weight of a point.
 const RANK_SLACK: f64 = 1e-12;
 
-/// Nearest-rank weighted percentile: the smallest value such that it and all smaller values together carry at
-/// least `fraction` of the total weight. No interpolation, so the answer is always one of the values.
+/// Weighted percentile by the nearest-rank method: the smallest value such that all values up to it carry at least
+/// `fraction` of the total weight. There is no interpolation, so the result is always one of the values.
 ///
-/// With unit weights, `fraction = 0.99` and 100 values it is the 99th smallest; with 50 values the 50th.
-/// Entries of weight 0 count for nothing; `None` where no entry has weight.
+/// For unit weights and `fraction = 0.99`, it is the 99th smallest of 100 values, or the 50th of 50 values. Values of
+/// weight 0 are ignored. Returns `None` where no value has weight.
 pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Option<f64> {
     let mut sorted: Vec<_> = value_and_weight.iter().copied().filter(|&(_, w)| w > 0.0).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -56,28 +57,29 @@ pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Op
     sorted.last().map(|&(value, _)| value)
 }
 
-/// Weighted statistics of signed errors `T_method - T_exact`.
+/// Weighted statistics of signed transmittance errors `T_method - T_exact`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorStats {
-    /// Points with weight.
+    /// Number of points with nonzero weight in the error statistics.
     pub count: usize,
-    /// Points with weight whose error is not finite; each counts as an infinite one, so that it cannot hide.
+    /// Number of points with nonzero weight whose error is NaN or infinite. Each counts as an infinite error.
     pub non_finite: usize,
-    /// Largest `|error|` over the points with weight.
+    /// Largest absolute error over the points with nonzero weight.
     pub max_abs: f64,
-    /// `sqrt(sum w e^2 / sum w)`.
+    /// Weighted root mean square error: `sqrt(sum w e^2 / sum w)`.
     pub rms: f64,
-    /// 99th percentile of `|error|`, as [`weighted_percentile`] defines it.
+    /// Weighted 99th percentile of the absolute error, as [`weighted_percentile`] defines it.
     pub p99_abs: f64,
-    /// `sum w e / sum w`: negative where the method is too dark.
+    /// Weighted mean of the signed errors, `sum w e / sum w`. Negative where the shadow method is too dark.
     pub mean: f64,
 }
 
 impl ErrorStats {
-    /// Statistics of `(error, weight)` pairs; `None` where no point has weight.
+    /// Computes the statistics of errors with weights, given as pairs `(error, weight)`; `None` where no point has
+    /// weight.
     ///
     /// # Errors
-    /// A weight that is negative or not finite.
+    /// A weight is negative or not finite.
     pub fn of(error_and_weight: impl IntoIterator<Item = (f64, f64)>) -> Result<Option<Self>> {
         let (mut total, mut sum, mut sum_of_squares) = (0.0, 0.0, 0.0);
         let mut non_finite = 0;
@@ -116,21 +118,23 @@ impl ErrorStats {
     }
 }
 
-/// Difference between two pictures, linear RGBA.
+/// Difference between two pictures in linear RGBA.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ImageError {
-    /// Root of the mean squared difference over all pixels and channels.
+    /// Root mean square difference of two pictures over all pixels and channels.
     pub rmse: f64,
-    /// `-20 log10(rmse)`: the peak is 1, whatever the pictures hold; infinite for identical pictures. dB.
+    /// Peak signal-to-noise ratio of two pictures, `-20 log10(rmse)`, dB. The peak is 1 for all pictures. Infinite
+    /// for identical pictures.
     pub psnr_db: f64,
-    /// Largest difference of any channel.
+    /// Largest absolute difference of two pictures in any pixel and channel.
     pub max_abs: f64,
 }
 
-/// Compares two `height x width x 4` linear pictures; a difference that is not finite counts as infinite.
+/// Compares two pictures in linear RGBA, each `height x width x 4`. A difference that is not finite counts as
+/// infinite.
 ///
 /// # Errors
-/// Pictures of different sizes, or empty ones.
+/// The pictures are empty or differ in size.
 pub fn image_error(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<ImageError> {
     same_size(&picture, &reference)?;
     let (mut sum_of_squares, mut max_abs) = (0.0, 0.0_f64);
@@ -143,10 +147,11 @@ pub fn image_error(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Resu
     Ok(ImageError { rmse, psnr_db: -20.0 * rmse.log10(), max_abs })
 }
 
-/// Largest channel difference of each pixel, `height x width`, for a picture in false colours.
+/// Returns the largest channel difference of two pictures at each pixel, `height x width`, for display in false
+/// colours.
 ///
 /// # Errors
-/// Pictures of different sizes, or empty ones.
+/// The pictures are empty or differ in size.
 pub fn image_difference(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Array2<f32>> {
     same_size(&picture, &reference)?;
     let mut largest = Array2::zeros((picture.dim().0, picture.dim().1));
@@ -158,7 +163,7 @@ pub fn image_difference(picture: ArrayView3<f32>, reference: ArrayView3<f32>) ->
     Ok(largest)
 }
 
-/// `|a - b|`, infinite where it is not a number.
+/// Returns `|a - b|`, or infinity where that is not finite.
 fn difference(a: f32, b: f32) -> f64 {
     let e = (f64::from(a) - f64::from(b)).abs();
     if e.is_finite() { e } else { f64::INFINITY }
@@ -210,7 +215,7 @@ mod tests {
 
     #[test]
     fn percentile_follows_the_weights() {
-        // Shares 0.2, 0.3, 0.5: the value carries its share up to and including its own rank.
+        // Weights 0.2, 0.3, 0.5: each value covers the cumulative weight up to and including its own.
         let values = [(30.0, 5.0), (10.0, 2.0), (20.0, 3.0), (99.0, 0.0)];
         for (fraction, expected) in [(0.2, 10.0), (0.21, 20.0), (0.5, 20.0), (0.51, 30.0), (1.0, 30.0)] {
             assert_eq!(weighted_percentile(&values, fraction), Some(expected), "{fraction}");

@@ -1,8 +1,8 @@
-//! Errors against the strands themselves, where a volume was made from strands.
+//! Transmittance errors against the strands themselves (hair or fibres), where the volume was voxelised from strands.
 //!
-//! All other errors are against the voxel field, which is a stand-in: its blur, and the overlap of strands that lie in
-//! bundles, are errors too. Here the truth at a point that the camera sees is the mean transmittance of a light beam, as
-//! wide as a voxel, through the cylinders ([`cylinders`](super::cylinders)).
+//! All other errors are measured against the voxel field. The field is only a substitute: its blur and the overlap of
+//! strands in bundles are errors too. Here, the true transmittance at a visible point is the mean over a light beam
+//! through the cylinders, as wide as a voxel ([`cylinders`](super::cylinders)).
 
 use super::cylinders::beam_halves;
 use super::errors::{VisiblePoints, VisiblePointsByLight};
@@ -14,23 +14,24 @@ use crate::scene::Light;
 use crate::shadow::ShadowMap;
 use crate::strands::Strands;
 
-/// Points that are compared with strands; each takes a beam of 256 rays.
+/// Largest number of visible points compared with the strands. Each point needs a light beam of 256 rays.
 const MOST_BEAMS: usize = 4000;
 
-/// The true transmittance at some of the points that the camera sees.
+/// Transmittance through the strands themselves, at some of the visible points.
 pub struct StrandReference {
-    /// Points with the transmittance through the strands.
+    /// Visible points with the transmittance from the light through the strands.
     truth: VisiblePoints,
-    /// Rms error of the voxelised strands against the strands.
+    /// Rms transmittance error of the exact voxel field against the strands.
     field_rms: f64,
     sampling_rms: f64,
 }
 
 impl StrandReference {
-    /// Creates the reference from the strands that a job's volume was made from.
+    /// Computes the transmittance through the strands that a job's volume was voxelised from, at some of the visible
+    /// points.
     ///
     /// # Errors
-    /// Why there is no such truth for this scene, in a few words.
+    /// The transmittance through strands is not defined for this scene; the error is the reason, in words.
     pub fn new(strands: &Strands, job: &Job, visible: &VisiblePointsByLight) -> Result<Self, &'static str> {
         let [visible] = visible.parts() else {
             return Err("beams are of one light, and there are several");
@@ -54,15 +55,16 @@ impl StrandReference {
         Ok(Self { truth, field_rms, sampling_rms })
     }
 
-    /// Root mean square of `T_method - T_strands` at these points, weighted as the camera sees them.
+    /// Root mean square of `T_method - T_strands` at visible points, weighted by visibility.
     ///
     /// # Errors
-    /// A lost device.
+    /// The device is lost.
     pub fn rms(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<f64>> {
         Ok(self.truth.errors(session, shadow)?.map(|stats| stats.rms))
     }
 
-    /// Note for the reader of the table: the error that every method on the voxel field has against the strands.
+    /// Returns a note for the reader of the comparison table on the error of the voxel field itself against the
+    /// strands.
     pub fn note(&self) -> String {
         format!(
             "strand_err_rms is of {} points that the camera sees, against beams through the strands; the voxel field itself \

@@ -1,4 +1,4 @@
-//! The rows that `compare` makes, and their Pareto front.
+//! Rows and columns of the table that `compare` writes: one row per shadow method and setting.
 
 pub use super::cell::Cell;
 use super::cell::FromText;
@@ -9,30 +9,31 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
 
-/// A column of the table.
+/// Column of the comparison table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
-    /// Name in the header line.
+    /// Name of the table column, as in the CSV header.
     pub name: &'static str,
-    /// Unit of the numbers; empty without a unit.
+    /// Unit of the numbers in the table column. Empty for numbers without a unit.
     pub unit: &'static str,
-    /// Description in one line.
+    /// One-line description of the table column.
     pub about: String,
 }
 
-/// One list gives the fields, the columns, their order, and what each is.
+/// Declares the fields of a table row together with its columns, their order, units and descriptions.
 macro_rules! columns {
     ($($(#[doc = $about:literal])+ $name:ident [$unit:literal]: $t:ty,)*) => {
-        /// One method and setting. The fields are the first columns, in the order in which every writer puts them, each
-        /// with what belongs to it right after it, and last on what and by what the row was measured.
+        /// Row of the comparison table: measurements of one shadow method with one setting. The fields are the first
+        /// columns, in order.
         #[derive(Debug, Clone, PartialEq, Default)]
         pub struct Row {
             $($(#[doc = $about])+ pub $name: $t,)*
-            /// Settings of the method by key; each is a column of its own after the others.
+            /// Settings of the shadow method, by name. Each is a table column after those of the fields.
             pub settings: Vec<(&'static str, Cell)>,
         }
 
-        /// Every column, in order: the fields of [`Row`], then a column for each key of every method.
+        /// All columns of the comparison table, in order: the fields of [`Row`], then one column for each setting of
+        /// any method.
         pub static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
             let fields = [$((stringify!($name), $unit, concat!($($about),+).trim().to_owned())),*];
             let settings = setting_columns().into_iter().map(|(name, about)| (name, "", about));
@@ -40,17 +41,17 @@ macro_rules! columns {
         });
 
         impl Row {
-            /// The row's values, one a column of [`COLUMNS`].
+            /// Returns the values of a table row, one for each column of [`COLUMNS`].
             pub fn cells(&self) -> Vec<Cell> {
                 let mut cells = vec![$(self.$name.clone().into()),*];
                 cells.extend(COLUMNS[cells.len()..].iter().map(|c| self.setting(c.name)));
                 cells
             }
 
-            /// The row whose cells, written as text, are these by their columns; a missing one has its default.
+            /// Parses a table row from cell texts, by column name. A missing column gets its default value.
             ///
             /// # Errors
-            /// The first column whose text is no value of it.
+            /// Returns the name of the first column whose text is not a valid value.
             pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
                 let given = |key: &str| texts.get(key).filter(|text| !text.is_empty());
                 let setting = |(key, _)| Some((key, Cell::from_text(given(key)?)?));
@@ -67,155 +68,167 @@ macro_rules! columns {
 }
 
 columns! {
-    /// Volume and transfer function, or the name of the scene file.
+    /// Name of the scene: volume and transfer function, or the scene file.
     scene [""]: String,
-    /// Graphics adapter that the times are from.
+    /// Name of the graphics adapter on which the times were measured.
     adapter [""]: String,
-    /// Shadow method.
+    /// Name of the shadow method.
     method [""]: String,
-    /// Settings of the method as `key=value` texts separated by spaces, as far as they distinguish it from other rows
-    /// of the method.
+    /// Settings of the shadow method as `key=value` texts separated by spaces. Only settings that distinguish the row
+    /// from other rows of the method are listed.
     params [""]: String,
-    /// Texels a side of the shadow map.
+    /// Number of texels per side of the shadow map.
     map ["texels"]: Option<u32>,
-    /// Width of the picture.
+    /// Width of the rendered picture.
     width ["pixels"]: u32,
-    /// Height of the picture.
+    /// Height of the rendered picture.
     height ["pixels"]: u32,
-    /// Time to make the shadow structure for a light that has moved, median of the repeats: host and device together,
-    /// with all repetitions and choices.
+    /// Time to build the shadow map after the light has moved, median of the repeats. It includes host and device,
+    /// repeated passes, and automatic choices such as layer splits.
     build_ms ["ms"]: Option<f64>,
-    /// Fastest repeat of `build_ms`.
+    /// Build time of the shadow map (`build_ms`) in the fastest repeat.
     build_ms_min ["ms"]: Option<f64>,
-    /// Slowest repeat of `build_ms`.
+    /// Build time of the shadow map (`build_ms`) in the slowest repeat.
     build_ms_max ["ms"]: Option<f64>,
-    /// Time of one picture with a built structure, median of the repeats.
+    /// Time to render one picture with the shadow map already built, median of the repeats.
     frame_ms ["ms"]: Option<f64>,
-    /// Fastest repeat of `frame_ms`.
+    /// Time to render one picture (`frame_ms`) in the fastest repeat.
     frame_ms_min ["ms"]: Option<f64>,
-    /// Slowest repeat of `frame_ms`.
+    /// Time to render one picture (`frame_ms`) in the slowest repeat.
     frame_ms_max ["ms"]: Option<f64>,
-    /// Clock of these times: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
+    /// Clock of `build_ms` and `frame_ms`: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
-    /// Time of the row's first build of all, by the host's clock: shaders that no row before has used are compiled, and
-    /// what has to be guessed once is guessed.
+    /// Time of the first build of the shadow map, by the host's clock. It includes compiling shaders that no earlier
+    /// row used, and first guesses of buffer sizes.
     build_first_ms ["ms"]: Option<f64>,
-    /// The device's part of `build_ms` by the adapter's timestamps; empty where it has none.
+    /// Time of the device's passes within `build_ms`, by the adapter's timestamps. Empty for an adapter without
+    /// timestamps or a method without passes.
     build_gpu_ms ["ms"]: Option<f64>,
-    /// Time from the request of the shadow structure to its completion, by the host's clock.
+    /// Time from requesting the shadow map to its completion, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
-    /// `frame_ms` by the adapter's timestamps and, of the host, what finds where rays are cast; empty where there are none.
+    /// Time to render one picture by the adapter's timestamps, plus the host's time to find the tiles to render.
+    /// Empty for an adapter without timestamps.
     frame_gpu_ms ["ms"]: Option<f64>,
-    /// Time from the submission of a picture to its completion, with the passes that find the tiles of rays, by the
-    /// host's clock.
+    /// Time from submitting a picture to its completion, by the host's clock. It includes the passes that find the
+    /// tiles to render.
     frame_wall_ms ["ms"]: Option<f64>,
-    /// Time to classify the bricks anew after the transfer function was edited, by the host's clock.
+    /// Time to classify the bricks of the volume again after an edit of the transfer function, by the host's clock.
     bricks_ms ["ms"]: Option<f64>,
-    /// Time to make the tables anew after the transfer function was edited, by the host's clock.
+    /// Time to compute the transfer function's lookup tables again after an edit, by the host's clock.
     tables_ms ["ms"]: Option<f64>,
-    /// Timed rounds that the medians are of.
+    /// Number of timed repeats over which the median times are taken.
     repeats [""]: Option<u32>,
-    /// Pictures a second while the light stands still: `1000 / frame_ms`.
+    /// Pictures per second while the light does not move: `1000 / frame_ms`.
     fps_static ["1/s"]: Option<f64>,
-    /// Pictures a second while the light moves: `1000 / (build_ms + frame_ms)`.
+    /// Pictures per second while the light moves, so that the shadow map is rebuilt for each: `1000 / (build_ms +
+    /// frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Memory that is allocated for the shadow structure, in bytes, once the first build has shown how much it takes.
+    /// Memory allocated for the shadow map, in bytes. It is measured after a first build has shown the size needed.
     bytes [""]: Option<u64>,
-    /// Bytes of the structure that a lookup can reach.
+    /// Memory of the shadow map that queries for transmittance can access, in bytes.
     bytes_used [""]: Option<u64>,
-    /// Nodes stored, where the method has nodes.
+    /// Number of transmittance curve nodes stored in the shadow map, for methods that store nodes.
     nodes_total [""]: Option<u64>,
-    /// Nodes of the fullest texel.
+    /// Largest number of transmittance curve nodes in any texel of the shadow map.
     nodes_max [""]: Option<u64>,
     /// Largest `|T_method - T_exact|` at depths along light rays through texel centres (T: transmittance, 0 to 1).
     ray_err_max [""]: Option<f64>,
-    /// Largest `|T_method - T_exact|` at points that the camera sees.
+    /// Largest transmittance error `|T_method - T_exact|` at points visible to the camera.
     point_err_max [""]: Option<f64>,
-    /// Root mean square of `T_method - T_exact` at points that the camera sees, weighted as it sees them.
+    /// Root mean square of the transmittance error `T_method - T_exact` at points visible to the camera, weighted by
+    /// visibility.
     point_err_rms [""]: Option<f64>,
-    /// 99th percentile of `|T_method - T_exact|` at the points that the camera sees, weighted by visibility.
+    /// 99th percentile of the transmittance error `|T_method - T_exact|` at points visible to the camera, weighted by
+    /// visibility.
     point_err_p99 [""]: Option<f64>,
-    /// Mean of `T_method - T_exact` at the points that the camera sees, weighted by visibility; negative where the
-    /// method is too dark.
+    /// Mean of the transmittance error `T_method - T_exact` at points visible to the camera, weighted by visibility.
+    /// Negative where the method is too dark.
     point_err_mean_signed [""]: Option<f64>,
-    /// The root mean square there against strands themselves (beams through cylinders), not voxels; empty without strands.
+    /// Root mean square transmittance error against the strands as cylinders, not the voxel field, at points visible
+    /// to the camera. Empty for volumes without strands.
     strand_err_rms [""]: Option<f64>,
-    /// Root mean square difference from the exact picture, which has about 1,500 pixels, over all channels of linear RGBA.
+    /// Root mean square difference between the method's picture and the exact picture, over all channels of linear
+    /// RGBA. Both pictures have about 1,500 pixels.
     image_rmse [""]: Option<f64>,
-    /// Peak signal-to-noise ratio to that picture of about 1,500 pixels, for a peak of 1; infinite for identical pictures.
+    /// Peak signal-to-noise ratio of the method's picture against the exact picture, for a peak of 1. Both have about
+    /// 1,500 pixels; infinite for identical pictures.
     image_psnr ["dB"]: Option<f64>,
-    /// Mean structural similarity with that picture of about 1,500 pixels, of sRGB-encoded channels; 1 for identical pictures.
+    /// Mean structural similarity (SSIM) of the method's picture and the exact picture, of sRGB-encoded channels.
+    /// Both have about 1,500 pixels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
-    /// Estimated error of the exact picture itself: the largest change of a linear channel at a finer integration.
+    /// Estimated error of the exact picture itself: the largest change of a linear channel with finer integration.
     image_exact_err [""]: Option<f64>,
-    /// Error bound on light rays: tolerance in transmittance; empty for methods without a bound.
+    /// Error bound of the method on light rays: tolerance in transmittance. Empty for methods without a bound.
     bound [""]: Option<f64>,
-    /// Error bound on light rays: tolerance in depth.
+    /// Error bound of the method on light rays: tolerance in depth.
     bound_depth_mm ["mm"]: Option<f64>,
-    /// Error bound on light rays: lateral tolerance of the ray, within which float32 cannot place it.
+    /// Error bound of the method on light rays: lateral tolerance, within which float32 cannot locate the ray.
     bound_lateral_mm ["mm"]: Option<f64>,
-    /// Error bound on light rays: tolerance in the volume's values along the ray.
+    /// Error bound of the method on light rays: tolerance in the volume's values along the ray.
     bound_value [""]: Option<f64>,
-    /// Depths that satisfy the bound only by its tolerances sideways or in value.
+    /// Number of tested depths that satisfy the method's error bound only by its tolerances in lateral position or in
+    /// value.
     bound_limited [""]: Option<u64>,
-    /// Whether the bound is satisfied at every depth tested; empty for methods without a bound.
+    /// Whether the method's error bound is satisfied at every tested depth. Empty for methods without a bound.
     bound_held [""]: Option<bool>,
-    /// Texels whose light rays were marched by regular samples and compared with the same map marched by cells; empty
-    /// where rays are marched by cells.
+    /// Number of shadow map texels at which marching by regular samples was compared with marching cell by cell.
+    /// Empty where light rays are marched by cells.
     check_n [""]: Option<u64>,
-    /// Smallest tolerance in transmittance that all tested texels satisfy, where curves may be a step of depth
-    /// apart.
+    /// Smallest tolerance in transmittance that all compared texels satisfy, between marching by samples and by
+    /// cells. Curves may be displaced by one step in depth.
     check_max [""]: Option<f64>,
-    /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
+    /// Required tolerance in transmittance between marching by samples and by cells: 0.1, or twice the method's own
+    /// error bound where that is larger.
     check_tolerance [""]: Option<f64>,
-    /// Whether it is satisfied in all of them at 24 random depths each: with 99 % confidence fewer than `4.6 / check_n` of texels
-    /// that meet extinction, tested so, violate it.
+    /// Whether all compared texels satisfy `check_tolerance` at 24 random depths each. If so, with 99 % confidence,
+    /// fewer than `4.6 / check_n` of the texels with extinction violate it in such a test.
     check_ok [""]: Option<bool>,
-    /// Work of a picture, counted and not timed on the picture that `image_rmse` is of: samples of the volume by its filter,
-    /// a pixel.
+    /// Counted GPU work of the picture that `image_rmse` measures: filtered samples of the volume, per pixel.
     work_samples [""]: Option<f64>,
-    /// Counted work: lookups of the light at a point, per pixel.
+    /// Counted GPU work of a picture: queries for the light at a point, per pixel.
     work_lookups [""]: Option<f64>,
-    /// Counted work: texture reads of all kinds, per pixel.
+    /// Counted GPU work of a picture: texture reads of all kinds, per pixel.
     work_loads [""]: Option<f64>,
-    /// Counted work of a build, with searches for splits: cells, or samples with `march=samples`, of the light rays,
-    /// per texel of the tiles that are built.
+    /// Counted GPU work of a shadow map build: cells (or samples with `march=samples`) along light rays, per texel of
+    /// the built tiles. It includes searches for layer splits.
     work_cells [""]: Option<f64>,
-    /// Counted work: pieces of light rays with an integrated optical depth, per texel of the tiles that are built.
+    /// Counted GPU work of a shadow map build: segments of light rays with an integrated optical depth, per texel of
+    /// the built tiles.
     work_pieces [""]: Option<f64>,
-    /// Light rays tested.
+    /// Number of light rays along which transmittance was tested.
     rays_tested [""]: Option<u64>,
-    /// Number of depths tested on the light rays, those of nodes included.
+    /// Number of depths tested on the light rays, including depths of curve nodes.
     depths_tested [""]: Option<u64>,
-    /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
+    /// Whether the row is on the Pareto front: no other row of the scene is both faster (`fps_moving`) and more
+    /// accurate (`point_err_rms`).
     pareto [""]: Option<bool>,
-    /// Whether a search within a budget chose the settings; empty where there was none.
+    /// Whether a search within a budget chose the method's settings. Empty where there was no search.
     tuned [""]: Option<bool>,
-    /// The budgets, and the errors that were to be least within them, for which the search chose the row.
+    /// Budgets, each with the minimized error, for which a search chose the method's settings.
     tuned_for [""]: String,
-    /// Work that the plan skipped because the scene does not need it, why, and what that saved.
+    /// Rendering work that was skipped because the scene does not need it, with the reason and the saving.
     left_out [""]: String,
-    /// Lights that shine; times, bytes and errors are of all of them together.
+    /// Number of lights with nonzero intensity. Times, bytes and errors apply to all of them together.
     lights [""]: Option<u32>,
-    /// Number of the only light of the row (`--each-light`), from 1; empty for a row of all lights.
+    /// Number of the only light of the row, from 1 (`--each-light`). Empty for a row with all lights.
     light [""]: Option<u32>,
-    /// Driver of the adapter with its version.
+    /// Driver of the graphics adapter, with its version.
     driver [""]: String,
-    /// Threads of the host's parallel work.
+    /// Number of threads for parallel work on the host.
     threads [""]: Option<u32>,
-    /// Build profile of the program: `release` or `debug`.
+    /// Build profile of this program: `release` or `debug`.
     profile [""]: String,
-    /// Version of the program.
+    /// Version of this program (umbravox).
     version [""]: String,
-    /// Commit that the program was built from.
+    /// Git commit that this program was built from.
     revision [""]: String,
-    /// `ok` or `failed`.
+    /// Status of the method's measurement: `ok` or `failed`.
     status [""]: String,
-    /// Why it failed, or what else a reader of the row should know.
+    /// Error message of a failed measurement, or remarks for the reader of the row.
     note [""]: String,
 }
 
-/// JSON object with a key for each column.
+/// Serializes a comparison table row as a JSON object with one key per column.
 impl Serialize for Row {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(COLUMNS.len()))?;
@@ -226,25 +239,26 @@ impl Serialize for Row {
     }
 }
 
-/// Value of the column `status` for a measured row.
+/// Value of the table column `status` for a method that was measured.
 pub const OK: &str = "ok";
-/// Value of the column `status` for a failed row.
+/// Value of the table column `status` for a method that failed.
 pub const FAILED: &str = "failed";
 
 impl Row {
-    /// Says that the row failed, and why; what was measured before stays.
+    /// Marks a table row as failed and adds the error to its note. Values measured before are retained.
     pub fn set_failed(&mut self, why: &dyn fmt::Display) {
         self.status = FAILED.into();
         self.add_note(why);
     }
 
-    /// Adds to `note`.
+    /// Appends a text to the note of a table row, after a semicolon.
     pub fn add_note(&mut self, note: &dyn fmt::Display) {
         let before = if self.note.is_empty() { String::new() } else { format!("{}; ", self.note) };
         self.note = format!("{before}{note}");
     }
 
-    /// `METHOD[:key=value,...]` that the row is of, as [`crate::shadow::parse`] takes it.
+    /// Returns the row's shadow method with its settings as `METHOD[:key=value,...]`, which [`crate::shadow::parse`]
+    /// parses.
     pub fn spec(&self) -> String {
         let map = self.map.map_or(String::new(), |map| format!("map={map}"));
         let settings: Vec<_> =
@@ -253,40 +267,42 @@ impl Row {
         format!("{}{colon}{}", self.method, settings.join(","))
     }
 
-    /// Value of a column by its name; empty for a name that is no column's.
+    /// Returns the value of a table row in the named column; an empty cell for an unknown name.
     pub fn cell(&self, column: &str) -> Cell {
         let place = COLUMNS.iter().position(|c| c.name == column);
         place.map_or(Cell::Empty, |i| self.cells().swap_remove(i))
     }
 
-    /// Value of a setting of the method, by its key.
+    /// Returns the value of a setting of the row's shadow method, by its name; an empty cell where the method has no
+    /// such setting.
     pub fn setting(&self, key: &str) -> Cell {
         self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())
     }
 
-    /// Scene and adapter: rows that share them have one scale, one drawing and one front.
+    /// Returns scene and adapter. Table rows with the same pair share a scale, a figure and a Pareto front.
     pub fn group(&self) -> (&str, &str) {
         (&self.scene, &self.adapter)
     }
 
-    /// Scene, adapter and size of the picture: rows that share them are compared with each other.
+    /// Returns scene, adapter and picture size. Only table rows with equal values are compared with each other.
     pub fn place(&self) -> (&str, &str, u32, u32) {
         (&self.scene, &self.adapter, self.width, self.height)
     }
 
-    /// Whether the method failed.
+    /// Whether the measurement of this row's shadow method failed.
     pub fn has_failed(&self) -> bool {
         self.status == FAILED
     }
 
-    /// The cells that are not empty, as text, by their columns; [`Self::from_texts`] reads them back.
+    /// Returns the nonempty cells of a table row as texts, by column name. [`Self::from_texts`] parses them.
     pub fn texts(&self) -> BTreeMap<String, String> {
         let texts =
             COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.name.into(), cell.to_string()));
         texts.filter(|(_, text): &(_, String)| !text.is_empty()).collect()
     }
 
-    /// Median time with the light moving, `build_ms + frame_ms`; a missing `build_ms` counts as 0.
+    /// Returns the median time of a picture while the light moves, `build_ms + frame_ms` (ms). A missing `build_ms`
+    /// counts as 0.
     pub fn moving_ms(&self) -> Option<f64> {
         self.frame_ms.map(|frame| self.build_ms.unwrap_or(0.0) + frame)
     }
@@ -302,7 +318,7 @@ pub(crate) mod tests {
     use crate::measure::timing::Timing;
     use crate::shadow::{Bound, METHODS, parse, parse_list};
 
-    /// Rows as `compare` would make them, every kind of cell among them.
+    /// Returns sample rows of the comparison table, with every kind of cell, for tests.
     pub(crate) fn sample_rows() -> Vec<Row> {
         let row = |method: &str, params: &str, build: f64, frame: f64, error: f64| {
             let mut row = Row {

@@ -1,22 +1,25 @@
-//! Depths at which a light ray is tested.
+//! Choice of the depths at which transmittance along a light ray is tested.
 
 use super::rays::mix;
 
-/// Offsets around a jump, in units of the depth tolerance: on it, a rounding away, inside the tolerance, and on
-/// both sides of its edge, where a jump put too far off shows.
+/// Offsets of test depths from a jump in transmittance, in units of the depth tolerance. Offsets near 0 test the jump
+/// itself; offsets near 1 detect a jump misplaced by more than the tolerance.
 const JUMP_OFFSETS: [f64; 17] =
     [0.0, -1e-6, 1e-6, -1e-3, 1e-3, -0.1, 0.1, -0.5, 0.5, -1.0, 1.0, -1.01, 1.01, -1.1, 1.1, -1.5, 1.5];
 
-/// Offsets are at least this share of the range where the depth tolerance is smaller.
+/// Smallest unit for offsets of test depths around a jump, as a fraction of the depth range. It applies where the
+/// depth tolerance is smaller.
 const SMALLEST_OFFSET: f64 = 1e-6;
 
-/// `n` sorted, distinct depths in `range_mm` to test a ray at: up to half of them around the `jumps_mm` (depths
-/// where the exact curve drops or kinks) at multiples of the depth tolerance `d_mm`, the rest one in each of
-/// equal strata, both ends included. The same arguments always give the same depths.
+/// Returns `n` sorted, distinct depths in `range_mm` at which a light ray is tested. Up to half of them lie around
+/// `jumps_mm` at multiples of the depth tolerance `d_mm`; there the exact transmittance curve drops or kinks. The
+/// rest is one depth in each of equal strata, both ends of the range included.
 ///
-/// Where the jumps are too many for that, each gets some of the offsets, or evenly chosen ones get one each; which
-/// offsets differs from range to range. Fewer than `n` depths come back only from a range too short to hold as
-/// many different numbers; none from a reversed or infinite one.
+/// Equal arguments always give the same depths. Where there are too many jumps, each gets only some of the offsets,
+/// or only evenly chosen jumps get one. The chosen offsets vary with the range.
+///
+/// Fewer than `n` depths result only where the range contains too few distinct numbers. The result is empty for a
+/// reversed or infinite range.
 pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) -> Vec<f64> {
     let [start, end] = range_mm;
     let length = end - start;
@@ -27,7 +30,7 @@ pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) ->
     let jumps: Vec<f64> = jumps_mm.iter().copied().filter(|z| (start..=end).contains(z)).collect();
     let mut depths = Vec::with_capacity(2 * n);
     let slots = (n / 2).min(jumps.len() * JUMP_OFFSETS.len());
-    // Where not every jump can have every offset, rays take different ones.
+    // If not every jump can have every offset, different rays get different offsets.
     let phase = (mix(start.to_bits() ^ end.to_bits()) % JUMP_OFFSETS.len() as u64) as usize;
     for slot in 0..slots {
         let jump = jumps[slot * jumps.len() / slots];
@@ -38,7 +41,7 @@ pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) ->
     }
     sort_distinct(&mut depths);
 
-    // Depths may coincide, so strata are refined until the number is right; the surplus goes evenly.
+    // Depths may coincide, so the strata are refined until there are enough; surplus depths are dropped evenly.
     let wanted = n - depths.len();
     let mut uniform = stratified(range_mm, wanted);
     uniform.retain(|z| depths.binary_search_by(|a| a.total_cmp(z)).is_err());
@@ -55,8 +58,8 @@ pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) ->
     depths
 }
 
-/// Draws one depth from each of `n` equal strata, with the first and the last at the ends of the range; sorted,
-/// distinct.
+/// Draws one test depth from each of `n` equal strata of a depth range, with both ends included. The result is sorted
+/// and distinct.
 fn stratified([start, end]: [f64; 2], n: usize) -> Vec<f64> {
     let mut seed = start.to_bits() ^ end.to_bits().rotate_left(32);
     let mut depths: Vec<f64> = (0..n)
@@ -75,7 +78,6 @@ fn stratified([start, end]: [f64; 2], n: usize) -> Vec<f64> {
     depths
 }
 
-/// Sorts depths and removes equal ones.
 pub(super) fn sort_distinct(depths: &mut Vec<f64>) {
     depths.sort_by(f64::total_cmp);
     depths.dedup();

@@ -1,11 +1,11 @@
-//! Interleaved timing: A B C A B C, so that drift of the machine falls on every method alike.
+//! Interleaved timing of shadow methods: A B C A B C, so that drift of the machine affects all methods equally.
 
 use super::stats::Spread;
 use crate::error::{Error, Result};
 use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
 
-/// A clock as tables name it in the column `clock`.
+/// Returns the name of a clock for the table column `clock`.
 pub fn clock_name(clock: Clock) -> &'static str {
     match clock {
         Clock::GpuTimestamps => "gpu",
@@ -13,7 +13,7 @@ pub fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// Reading of a clock; `None` where it read nothing.
+/// Returns a time span by the given clock, ms; `None` where that clock was not read.
 fn read(clock: Clock, span: Span) -> Option<f64> {
     match clock {
         Clock::GpuTimestamps => span.gpu_ms,
@@ -21,58 +21,59 @@ fn read(clock: Clock, span: Span) -> Option<f64> {
     }
 }
 
-/// One run's stages, in ms, as the run measured them.
+/// Times of the stages of one run of a shadow method, ms: tables, shadow map build and frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// Tables of the transfer function and the bricks' classes, where the run makes them.
+    /// Time to compute the transfer function's tables and to classify bricks, ms; `None` where the run reuses them.
     #[serde(default)]
     pub tables_ms: Option<f64>,
-    /// The host's part of making the shadow structure: all but the device's passes.
+    /// Time of the host's work on building the shadow map, without the device's passes, ms.
     pub build_host_ms: f64,
-    /// The device's part; `None` where there is none.
+    /// Time of the device's passes that build the shadow map; `None` where there are none.
     pub build_device: Option<Span>,
-    /// Time from the request of the structure to its completion, by the host's clock, ms.
+    /// Time from requesting the shadow map to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
-    /// Time of one picture with a built structure.
+    /// Time to render one picture with the shadow map already built.
     pub frame: Span,
 }
 
 impl StageTimes {
-    /// Build time by a clock, ms; `None` if that clock has no reading.
+    /// Returns the time to build the shadow map by the given clock, ms; `None` where that clock was not read.
     fn build_ms(&self, clock: Clock) -> Option<f64> {
         let device_ms = self.build_device.map_or(Some(0.0), |span| read(clock, span))?;
         Some(self.build_host_ms + device_ms)
     }
 }
 
-/// One method's stages over all repeats, in ms; medians where there is no spread.
+/// Times of a shadow method over all repeats, ms: median, minimum and maximum, or the median alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
-    /// Time to build the shadow structure, ms.
+    /// Time to build the shadow map, ms.
     pub build_ms: Spread,
-    /// Time of one picture with a built structure, ms.
+    /// Time to render one picture with the shadow map already built, ms.
     pub frame_ms: Spread,
-    /// Clock of the build and frame times.
+    /// Clock by which the build and frame times were measured.
     pub clock: Clock,
-    /// Tables of the transfer function and the bricks' classes.
+    /// Median time to compute the transfer function's tables and to classify bricks, ms.
     pub tables_ms: Option<f64>,
-    /// `build_ms` by the adapter's timestamps.
+    /// Median time of the device's passes that build the shadow map, by the adapter's timestamps, ms.
     pub build_gpu_ms: Option<f64>,
-    /// Time from the request of the structure to its completion, by the host's clock, ms.
+    /// Median time from requesting the shadow map to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
-    /// `frame_ms` by the adapter's timestamps.
+    /// Median frame time by the adapter's timestamps, ms.
     pub frame_gpu_ms: Option<f64>,
-    /// Time of a picture by the host's clock, ms.
+    /// Median frame time by the host's clock, ms.
     pub frame_wall_ms: f64,
-    /// Number of runs behind the medians.
+    /// Number of timed runs that the median times are taken over.
     pub repeats: usize,
 }
 
 impl Timing {
-    /// Medians of runs. The GPU's clock counts only where every run was read from it: two clocks make no median.
+    /// Computes median times over several runs. GPU timestamps are used only where every run has them, since times of
+    /// two clocks have no common median.
     ///
     /// # Errors
-    /// There are no runs.
+    /// The list of runs is empty.
     pub fn of(times: &[StageTimes]) -> Result<Self> {
         let spread = |stage: &dyn Fn(&StageTimes) -> Option<f64>| {
             Spread::of(&times.iter().map(stage).collect::<Option<Vec<_>>>()?)
@@ -97,37 +98,38 @@ impl Timing {
     }
 }
 
-/// Runs once and says how long its stages took.
+/// Function that performs one run of a shadow method and returns the times of its stages.
 pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
-/// Action to time: `warmup` runs that do not count, then `rounds` that do.
+/// Repeated action to time: `warmup` discarded runs, then `rounds` timed runs.
 pub struct Turns<'a> {
-    /// Function that performs one run.
+    /// Function that performs one run of the timed action.
     pub run: TimedRun<'a>,
-    /// Runs that do not count.
+    /// Number of warm-up runs, whose times are discarded.
     pub warmup: usize,
-    /// Runs that count.
+    /// Number of timed runs after the warm-up.
     pub rounds: usize,
 }
 
-/// Progress events of [`interleave`]; numbers are places in its list.
+/// Progress event of the interleaved timing. Numbers are indices into the list of timed actions.
 pub enum Event<'a> {
-    /// A run starts that counts, or does not.
+    /// Start of a timed run or a warm-up run.
     Starts {
-        /// Number of turns taken.
+        /// Index of the action that starts, in the list of timed actions.
         turns: usize,
-        /// Whether its times count.
+        /// Whether the run is timed, not a warm-up.
         counts: bool,
     },
-    /// End of a round: every action due in it has run.
+    /// End of a timed round: pairs of action index and stage times, for the actions that ran in it.
     Round(&'a [(usize, StageTimes)]),
 }
 
-/// Times everyone in turn, warming up first. One answer each, in their order, with as many runs as requested. One
-/// that fails is left out of later rounds and the others go on.
+/// Times several actions in turn, after a warm-up. Returns the times of all runs of each action, in order. An action
+/// that fails is excluded from later rounds, and the others continue.
 ///
 /// # Errors
-/// (The whole) what `tell` refuses. (One entry) the run's own error, or a time that is negative or not finite.
+/// For the whole call: any error that `tell` returns. For one action: its own error, or a time that is negative or
+/// not finite.
 pub fn interleave(
     all: &mut [Turns],
     tell: &mut dyn FnMut(Event) -> Result<()>,
@@ -160,7 +162,7 @@ pub fn interleave(
     Ok(readings)
 }
 
-/// Timestamps that wrap or were never written must not end up in a median.
+/// Rejects times that are negative or not finite, such as timestamps that wrapped or were never written.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
     let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame } = times;
     let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
@@ -180,7 +182,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// A clock that moves only on request.
+    /// Simulated clock for tests, which advances only on request.
     #[derive(Default)]
     struct FakeClock(Cell<f64>);
 
@@ -255,7 +257,7 @@ mod tests {
         let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
         assert_eq!((timing.clock, timing.build_ms.median, timing.frame_ms.median), (Clock::Wall, 5.0, 20.0));
         assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));
-        // A method without a structure takes what the host does under another light.
+        // A method without a shadow map has only host time for another light.
         let none = StageTimes { build_device: None, ..run(Some(10.0)) };
         assert_eq!(Timing::of(&[none]).unwrap().build_ms, Spread::exactly(3.0));
         assert!(Timing::of(&[]).is_err());
@@ -283,7 +285,7 @@ mod tests {
         .unwrap();
         assert_eq!(rounds, [[0, 1, 2], [0, 1, 2]], "after the warm-up");
         assert_eq!(order.take(), "ABCABCABC");
-        // Those that need fewer have theirs in the first rounds.
+        // Actions with fewer runs take them in the first rounds.
         quietly(&mut [turns('A', 0, 1), turns('B', 1, 3), turns('C', 1, 2)]);
         assert_eq!(order.take(), "BCABCBCB");
     }

@@ -1,6 +1,6 @@
-//! Mesh files: STL (binary and text), PLY and OBJ, recognised by content first and by name second.
+//! Reads mesh files: STL (binary and text), PLY and OBJ, recognised by content first and by name second.
 //!
-//! Coordinates are world mm, RAS+; a header that contains `SPACE=LPS`, 3D Slicer's mark, negates the first two.
+//! Coordinates are world mm, RAS+. If a header contains `SPACE=LPS`, as 3D Slicer writes it, x and y are negated.
 
 use super::MeshPart;
 use crate::error::{Error, Result};
@@ -11,19 +11,19 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::io::{BufRead, Cursor};
 use std::path::Path;
 
-/// File-name endings of the formats.
+/// File extensions of the supported mesh formats.
 pub const MESH_EXTENSIONS: &[&str] = &["stl", "ply", "obj"];
 
 const WHAT: &str = "cannot read mesh";
-/// Bytes of a binary STL file before its triangles.
+/// Size of the header of a binary STL file, bytes.
 const STL_HEADER_BYTES: usize = 84;
-/// Bytes of each triangle of a binary STL file.
+/// Size of a triangle in a binary STL file, bytes.
 const STL_TRIANGLE_BYTES: usize = 50;
 
-/// Parser of a file's bytes.
+/// Function that parses the bytes of a mesh file to triangles.
 type Parse = fn(&[u8]) -> TriangleResult;
 
-/// Parser for the format of a file.
+/// Selects the parser for the format of a mesh file; `None` if the format is unknown.
 fn parser_of(bytes: &[u8], path: &Path) -> Option<Parse> {
     let count_fits = bytes.get(80..).and_then(|rest| rest.first_chunk()).is_some_and(|count| {
         let triangles = u32::from_le_bytes(*count) as usize;
@@ -42,10 +42,10 @@ fn parser_of(bytes: &[u8], path: &Path) -> Option<Parse> {
     }
 }
 
-/// Reads a file as a part of a mesh with a linear RGB colour.
+/// Reads a mesh file as one part of a mesh, with `color` in linear RGB.
 ///
 /// # Errors
-/// The file cannot be read, has none of the formats, or is damaged.
+/// The mesh file cannot be read, is no STL, PLY or OBJ file, or is damaged.
 pub fn read(path: &Path, color: [f64; 3]) -> Result<MeshPart> {
     let refused = |why: String| Error::input(WHAT, path.display(), why);
     let bytes = std::fs::read(path).map_err(|e| refused(e.to_string()))?;
@@ -94,7 +94,7 @@ fn obj(bytes: &[u8]) -> TriangleResult {
     Ok(triangles)
 }
 
-/// Corners of a triangle by the numbers of its points.
+/// Looks up the corners of a triangle by the indices of its points in a mesh file.
 fn corners_of(points: &[DVec3], numbers: [i64; 3]) -> std::result::Result<[DVec3; 3], String> {
     let mut corners = [DVec3::ZERO; 3];
     for (corner, number) in corners.iter_mut().zip(numbers) {
@@ -104,7 +104,7 @@ fn corners_of(points: &[DVec3], numbers: [i64; 3]) -> std::result::Result<[DVec3
     Ok(corners)
 }
 
-/// Point or face of a PLY file.
+/// Vertex or face of a PLY mesh file.
 #[derive(Default)]
 struct PlyElement {
     at: [Option<f64>; 3],

@@ -1,8 +1,8 @@
-//! Opaque triangle meshes in a volume, at which eye rays and light rays end (Yuksel and Keyser 2008, Figure 7; Voicu 2011,
-//! 5.3): an implant in a CT, a head under its hair.
+//! Opaque triangle meshes inside a volume, such as an implant in a CT or a head under its hair. View rays and shadow
+//! rays end at them (Yuksel and Keyser 2008, Figure 7; Voicu 2011, 5.3).
 //!
-//! A surface is opaque and infinitely thin. Lambert's law shades the side that faces the light; the volume and other triangles
-//! attenuate the light. Everything behind a surface is hidden.
+//! A mesh surface is opaque and infinitely thin. Lambert's law shades the side that faces the light; the volume and
+//! other triangles attenuate the light. Everything behind a surface is hidden.
 
 mod files;
 mod tree;
@@ -15,46 +15,47 @@ use glam::DVec3;
 use sha2::{Digest, Sha256};
 use tree::Tree;
 
-/// Offset of shadow rays from a surface towards the light, in smallest voxel spacings, which avoids self-shadowing.
+/// Offset of a shadow ray's origin from a mesh surface towards the light, which avoids self-shadowing. The unit is
+/// the smallest voxel spacing.
 pub const SURFACE_GAP: f64 = 1e-3;
 
-/// Largest coordinate, mm; float32 has no precision left beyond.
+/// Largest coordinate of a mesh, mm. Beyond it float32 is too imprecise.
 const MAX_MM: f64 = 1e9;
 
-/// Triangle mesh, world mm.
+/// Opaque triangle mesh in world mm, with a bounding volume hierarchy for ray queries.
 pub struct Mesh {
-    /// Corners of every triangle.
+    /// Corners of every triangle of the mesh, world mm.
     triangles: Vec<[DVec3; 3]>,
-    /// First triangle, source and linear RGB of each part.
+    /// Index of the first triangle, source and linear RGB colour of each part of the mesh.
     parts: Vec<(usize, PartSource, [f64; 3])>,
     tree: Tree,
-    /// Number of skipped triangles without an area.
+    /// Number of triangles that were skipped because their area is zero.
     left_out: usize,
-    /// Digest of corners and colours, by which a resumed table detects another mesh.
+    /// SHA-256 digest of the corners and colours of the mesh. A resumed comparison uses it to detect a changed mesh.
     sha256: String,
 }
 
-/// Part of a mesh.
+/// Part of a triangle mesh, with one source and one colour.
 #[derive(Debug, Clone)]
 pub struct MeshPart {
-    /// Source of the triangles.
+    /// Source of the triangles: a mesh file or strands.
     pub source: PartSource,
-    /// Linear RGB.
+    /// Colour of the mesh part, linear RGB.
     pub color: [f64; 3],
-    /// Corners of every triangle, world mm.
+    /// Corners of every triangle of the mesh part, world mm.
     pub triangles: Vec<[DVec3; 3]>,
 }
 
-/// Source of triangles.
+/// Source of the triangles of a mesh part.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PartSource {
     /// Path of a mesh file.
     File(String),
-    /// Strands that became tubes.
+    /// Strands that were converted to tubes of triangles.
     Strands {
-        /// Path of a file, or `phantom:hair-NAME[:SEGMENTS]`.
+        /// Path of the strand file, or `phantom:hair-NAME[:SEGMENTS]` for built-in strands.
         source: String,
-        /// Diameter that the user gave, mm.
+        /// Strand diameter set by the user, mm; `None` if not set.
         thickness_mm: Option<f64>,
     },
 }
@@ -85,7 +86,7 @@ impl std::fmt::Debug for Mesh {
     }
 }
 
-/// SHA-256 of all corners, and of where parts begin and their colours.
+/// Computes the SHA-256 digest of a mesh: all corners, and the first triangle and colour of each part.
 fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, PartSource, [f64; 3])]) -> String {
     let mut hasher = Sha256::new();
     triangles.iter().flatten().for_each(|p| hasher.update(bytemuck::bytes_of(&p.to_array())));
@@ -96,7 +97,7 @@ fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, PartSource, [f64; 3])]) -> 
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Equality by identity, not by content.
+/// Compares two meshes by identity, not by content.
 impl PartialEq for Mesh {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
@@ -104,12 +105,12 @@ impl PartialEq for Mesh {
 }
 
 impl Mesh {
-    /// Default sRGB colour of a mesh: bone.
+    /// Default colour of a mesh, sRGB: bone white.
     pub const DEFAULT_COLOR: &str = "#e3dac9";
-    /// Default sRGB colour of strands: a blue that differs from bone and vessels.
+    /// Default colour of strands, sRGB: a blue that differs from bone and vessels.
     pub const DEFAULT_STRAND_COLOR: &str = "#7fb2e5";
 
-    /// Mesh of several parts; triangles without an area are skipped.
+    /// Builds a mesh from several parts; triangles with zero area are skipped.
     ///
     /// # Errors
     /// A coordinate is not finite or too large, or no triangle of a part has an area.
@@ -136,40 +137,41 @@ impl Mesh {
         Ok(Self { triangles, parts, tree, left_out, sha256 })
     }
 
-    /// Source and linear RGB of each part.
+    /// Returns the source and linear RGB colour of each part of the mesh.
     pub fn parts(&self) -> impl Iterator<Item = (&PartSource, [f64; 3])> {
         self.parts.iter().map(|(_, source, color)| (source, *color))
     }
 
-    /// Corners of every triangle, world mm.
+    /// Returns the corners of every triangle of the mesh, world mm.
     pub fn triangles(&self) -> &[[DVec3; 3]] {
         &self.triangles
     }
 
-    /// Linear RGB of a triangle.
+    /// Returns the linear RGB colour of a triangle of the mesh, by its index.
     pub fn color(&self, triangle: usize) -> [f64; 3] {
         let part = self.parts.partition_point(|(first, ..)| *first <= triangle);
         self.parts[part.max(1) - 1].2
     }
 
-    /// Number of skipped triangles without an area.
+    /// Returns the number of triangles that were skipped because their area is zero.
     pub fn left_out(&self) -> usize {
         self.left_out
     }
 
-    /// Bounding box, world mm.
+    /// Returns the bounding box of the mesh, world mm.
     pub fn bounds_mm(&self) -> [DVec3; 2] {
         let corners = self.triangles.iter().flatten();
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)])
     }
 
-    /// Unit normal of a triangle by the order of its corners.
+    /// Returns the unit normal of a triangle of the mesh, oriented by the order of its corners (right-hand rule).
     pub fn normal(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.triangles[triangle];
         (b - a).cross(c - a).normalize()
     }
 
-    /// Nearest triangle on `origin + z direction` with `z` strictly between two depths (mm, `direction` of length 1).
+    /// Finds the nearest triangle on the ray `origin + z direction`, with `z` strictly between two depths in mm.
+    /// `direction` has length 1.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
         let mut first = None;
         self.tree.visit(&self.triangles, [origin, direction], between_mm, |hit| {
@@ -179,7 +181,8 @@ impl Mesh {
         first
     }
 
-    /// Whether any triangle lies on `origin + z direction` with `z` strictly between two depths (mm).
+    /// Whether any triangle of the mesh lies on the ray `origin + z direction`, with `z` strictly between two depths
+    /// in mm.
     pub fn is_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> bool {
         let mut is_hit = false;
         self.tree.visit(&self.triangles, [origin, direction], between_mm, |_| {
@@ -189,12 +192,13 @@ impl Mesh {
         is_hit
     }
 
-    /// Tree as a list for traversal without a stack, as in shaders.
+    /// Returns the bounding volume hierarchy of the mesh as a list for stackless traversal in shaders.
     pub fn flat_tree(&self) -> Vec<FlatNode> {
         self.tree.flat(&self.triangles)
     }
 
-    /// Bounding boxes (world mm) that together contain all triangles: the nodes of the tree at a depth of `levels`.
+    /// Returns bounding boxes (world mm) that together contain all triangles: the nodes of the bounding volume
+    /// hierarchy at depth `levels`.
     pub fn boxes(&self, levels: usize) -> Vec<[DVec3; 2]> {
         let nodes = self.flat_tree();
         let (mut boxes, mut ends, mut at) = (Vec::new(), Vec::new(), 0);

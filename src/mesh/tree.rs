@@ -1,7 +1,7 @@
-//! Bounding volume hierarchy over a mesh's triangles, in float64, and its ray queries.
+//! Bounding volume hierarchy (BVH) over the triangles of a mesh, in float64, and its ray queries.
 //!
 //! Intersections use the signs of edge functions about the ray (Woop, Benthin and Wald 2013, *Watertight Ray/Triangle
-//! Intersection*). Both triangles of an edge decide alike, so that no ray passes between them.
+//! Intersection*). The two triangles at an edge get consistent results, so no ray passes between them.
 
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
@@ -11,27 +11,27 @@ use glam::DVec3;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-/// Intersection of a ray with a triangle.
+/// Intersection of a ray with a triangle of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Depth along the ray, mm.
+    /// Depth of the intersection along the ray, mm.
     pub depth_mm: f64,
-    /// Number of the triangle.
+    /// Index of the intersected triangle of the mesh.
     pub triangle: usize,
 }
 
-/// Box of the tree, or a triangle.
+/// Node of a flattened bounding volume hierarchy: a box or a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlatNode {
-    /// Bounding box, world mm.
+    /// Bounding box of the node, world mm.
     pub bounds: [DVec3; 2],
-    /// Triangle; `None` for a box, whose contents follow it in the list.
+    /// Index of the triangle of a leaf node. `None` for an inner node, whose children follow it in the list.
     pub triangle: Option<u32>,
-    /// Next node where the box is missed, and after a triangle.
+    /// Index of the node to visit next if the ray misses the box, or after a triangle was tested.
     pub next: u32,
 }
 
-/// Triangle while the tree is built.
+/// Bounding box of a triangle while the bounding volume hierarchy is built.
 struct TriangleBox {
     bounds: Aabb<f64, 3>,
     node: usize,
@@ -65,10 +65,11 @@ fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
     [a.min(*b).min(*c), a.max(*b).max(*c)]
 }
 
-/// Bounding volume hierarchy over triangles; its methods take the triangles that it was made from.
+/// Bounding volume hierarchy over triangles. It does not store the triangles, so callers pass them to each query.
 pub(super) struct Tree(Bvh<f64, 3>);
 
-/// Ray whose longest axis becomes the third, and along which a triangle's corners are sheared.
+/// Ray prepared for intersection tests: axes permuted so that z is its longest component, and the shear that aligns
+/// it with z.
 struct ShearedRay {
     origin: DVec3,
     inverse: DVec3,
@@ -85,7 +86,7 @@ impl ShearedRay {
         Self { origin, inverse: direction.recip(), axes, shear }
     }
 
-    /// Depth at which the ray meets a triangle.
+    /// Returns the depth at which the ray meets a triangle; `None` if it misses.
     fn depth(&self, triangle: &[DVec3; 3]) -> Option<f64> {
         let sheared = |p: &DVec3| {
             let p = (*p - self.origin).to_array();
@@ -99,7 +100,7 @@ impl ShearedRay {
         (one_side && sum != 0.0).then(|| edges.dot(DVec3::new(a.z, b.z, c.z)) / sum)
     }
 
-    /// Whether the ray passes a box, slightly enlarged, between two depths.
+    /// Whether the ray passes a slightly enlarged bounding box between two depths.
     fn passes(&self, bounds: &Aabb<f64, 3>, [from, to]: [f64; 2]) -> bool {
         let near = (vector(&bounds.min) - self.origin) * self.inverse;
         let far = (vector(&bounds.max) - self.origin) * self.inverse;
@@ -120,7 +121,8 @@ impl Tree {
         Self(Bvh::build(&mut shapes))
     }
 
-    /// Calls `take` with hits on a ray. It returns the depth beyond which hits are ignored, or `None` to end.
+    /// Calls `take` for each triangle that a ray meets. `take` returns the depth beyond which later hits are ignored,
+    /// or `None` to stop.
     pub(super) fn visit(
         &self,
         triangles: &[[DVec3; 3]],
@@ -150,7 +152,7 @@ impl Tree {
         }
     }
 
-    /// Tree as a list for traversal without a stack, as in shaders.
+    /// Flattens the bounding volume hierarchy to a list for stackless traversal in shaders.
     pub(super) fn flat(&self, triangles: &[[DVec3; 3]]) -> Vec<FlatNode> {
         let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| {
             // The crate's leaves have no boxes.
@@ -168,7 +170,7 @@ mod tests {
     use super::super::{Mesh, MeshPart, files};
     use super::*;
 
-    /// Triangles of a sphere: a grid of `2 n` by `n`.
+    /// Builds a triangulated sphere from a grid of `2 n` by `n` quads.
     pub(super) fn sphere(center: DVec3, radius: f64, n: usize) -> Vec<[DVec3; 3]> {
         // Equal corners have equal numbers, so that the surface is closed.
         let at = |i: usize, j: usize| {
@@ -230,7 +232,7 @@ mod tests {
         }
     }
 
-    /// Every ray from inside a closed surface meets it, also through corners and along edges.
+    /// Every ray from inside a closed mesh hits it, also through corners and along edges.
     #[test]
     fn no_ray_slips_through() {
         let mesh = mesh(sphere(DVec3::ZERO, 5.0, 12));

@@ -1,4 +1,4 @@
-//! Built-in volumes: analytic ones with known line integrals, and a chest (see [`thorax`]).
+//! Built-in volumes (phantoms): analytic ones with known line integrals, and a CT-like chest (see [`thorax`]).
 //!
 //! The analytic volumes fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE), spacing `h = 64 / n` mm,
 //! centred: voxel `i` is at `x = (i - (n - 1) / 2) h`. Affines are rounded to `f32`, so a NIfTI file stores
@@ -24,42 +24,42 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::fmt;
 
-/// Built-in volume.
+/// Built-in volume (phantom), computed instead of read from a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phantom {
-    /// CT-like chest in HU.
+    /// Phantom of a CT-like chest in Hounsfield units.
     #[default]
     Thorax,
-    /// Slab of constant value across z.
+    /// Phantom with a slab of constant value, perpendicular to z.
     Slab,
-    /// Value that decreases with the squared radius.
+    /// Phantom whose value decreases with the squared distance from the centre, so that isosurfaces are spheres.
     Sphere,
-    /// Hollow ball.
+    /// Phantom with a hollow ball.
     Shell,
-    /// Half space across x.
+    /// Phantom with a half space: constant value from the middle of the x axis on, 0 before.
     Step,
-    /// Thin layers across z.
+    /// Phantom with thin layers perpendicular to z, and gaps between them.
     Comb,
 }
 
-/// Edge of the cube that the analytic phantoms fill, mm.
+/// Edge length of the cube that the analytic phantoms fill, mm.
 const CUBE_MM: f64 = 64.0;
-/// Value inside the analytic phantoms.
+/// Voxel value inside the objects of the analytic phantoms.
 const INSIDE: f64 = 1000.0;
 
 impl Phantom {
-    /// All built-in volumes, the default first.
+    /// All built-in volumes (phantoms), the default first.
     pub const ALL: [Self; 6] = [Self::Thorax, Self::Slab, Self::Sphere, Self::Shell, Self::Step, Self::Comb];
 
-    /// Largest number of voxels along the longest side.
+    /// Largest number of voxels along the longest side of a phantom.
     pub const MAX_SIZE: usize = 1024;
 
-    /// Name in `phantom:NAME`.
+    /// Name of the phantom, as in `phantom:NAME`.
     pub fn name(self) -> &'static str {
         self.texts().0
     }
 
-    /// Short description.
+    /// Short description of the phantom for the user.
     pub fn description(self) -> &'static str {
         self.texts().1
     }
@@ -75,7 +75,7 @@ impl Phantom {
         }
     }
 
-    /// Default number of voxels along the longest side.
+    /// Default number of voxels along the longest side of the phantom.
     pub fn default_size(self) -> usize {
         match self {
             Self::Thorax => thorax::DEFAULT_SIZE,
@@ -83,10 +83,11 @@ impl Phantom {
         }
     }
 
-    /// Parses `NAME[:SIZE]`; the hint of an error lists the names in `others` too.
+    /// Parses the name and size of a phantom, `NAME[:SIZE]`. For an unknown name, the error also lists the names in
+    /// `others`.
     ///
     /// # Errors
-    /// The name is unknown, or the size is not in `1..=1024`.
+    /// No phantom has this name, or the size is not in `1..=1024`.
     pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
         let refuse = |why: String| Error::input("cannot build phantom", format!("phantom:{text}"), why);
@@ -105,7 +106,7 @@ impl Phantom {
         Ok((phantom, size))
     }
 
-    /// Builds the volume with `size` voxels along the longest side.
+    /// Builds the phantom volume with `size` voxels along the longest side.
     ///
     /// # Errors
     /// `size` is not in `1..=1024`.
@@ -113,10 +114,10 @@ impl Phantom {
         self.build_with(size, &Loading::default())
     }
 
-    /// Builds the volume with progress and cancellation.
+    /// Builds the phantom volume, reporting progress to `loading`, which can cancel it.
     ///
     /// # Errors
-    /// `size` is not in `1..=1024`, or it was cancelled.
+    /// `size` is not in `1..=1024`, or `loading` was cancelled.
     pub fn build_with(self, size: usize, loading: &Loading) -> Result<Volume> {
         let source = format!("phantom:{}:{size}", self.name());
         if !(1..=Self::MAX_SIZE).contains(&size) {
@@ -150,7 +151,7 @@ impl fmt::Display for Phantom {
     }
 }
 
-/// Affine of an axis-aligned grid centred on the origin, rounded to `f32`.
+/// Affine of an axis-aligned voxel grid centred on the origin, rounded to `f32`.
 fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     let exact_in_f32 = |v: DVec3| v.as_vec3().as_dvec3();
     let spacing = exact_in_f32(DVec3::from_array(spacing_mm));
@@ -158,19 +159,19 @@ fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
 }
 
-/// Cube of [`INSIDE`] where `inside` holds, and 0 elsewhere.
+/// Builds a cube of voxels that are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
 fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
     Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
 }
 
-/// Cube of [`INSIDE`] times a function of the distance from its centre in mm.
+/// Builds a cube of voxels of [`INSIDE`] times a function of the distance from the centre in mm.
 fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
     let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
     let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
     Voxels::F32(cube(size, loading, value))
 }
 
-/// Cube of voxels by a function of `[i, j, k]`; incomplete if `loading` was cancelled.
+/// Builds a cube of voxels from a function of the index `[i, j, k]`; incomplete if `loading` was cancelled.
 fn cube<T: Copy + Default + Send + Sync>(
     size: usize,
     loading: &Loading,

@@ -1,4 +1,5 @@
-//! Pictures on the screen: encoded to sRGB into a texture of the device band by band, without a copy to the host.
+//! Displays pictures on the screen: encodes them to sRGB in a device texture, band by band, without a copy to the
+//! host.
 
 use super::lights::LightMaps;
 use super::pace::{Pace, Pacing};
@@ -10,7 +11,7 @@ use crate::gpu::{Gpu, ShaderVariant, Slot, Span, texture, uniform_buffer, write_
 use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
 
-/// `Band` of `shaders/render/display.wgsl`.
+/// Uniform of a band of picture rows: `Band` of `shaders/render/display.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct BandUniform {
@@ -19,24 +20,24 @@ struct BandUniform {
     pub padding: u32,
 }
 
-/// Texture of a window's picture: sRGB-encoded, 8 bits per channel.
+/// Texture of the picture that a window shows: sRGB-encoded, 8 bits per channel.
 #[derive(Debug)]
 pub struct DisplayTexture {
-    /// Texture.
+    /// Device texture with the picture of a window.
     pub texture: wgpu::Texture,
-    /// View of the whole texture.
+    /// View of the whole picture texture, for shaders.
     pub view: wgpu::TextureView,
-    /// Width in pixels.
+    /// Width of the window's picture in pixels.
     pub width: u32,
-    /// Height in pixels.
+    /// Height of the window's picture in pixels.
     pub height: u32,
 }
 
 impl DisplayTexture {
-    /// Creates a black texture.
+    /// Creates a black texture for the picture of a window.
     ///
     /// # Errors
-    /// The adapter cannot hold a side.
+    /// A side exceeds the adapter's limit on textures.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self> {
         gpu.check_texture("the picture on screen", [width, height])?;
         let (format, dimension) = (wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureDimension::D2);
@@ -47,10 +48,10 @@ impl DisplayTexture {
         Ok(Self { texture, view, width, height })
     }
 
-    /// Creates a texture of pixels, four bytes each, row by row.
+    /// Creates the texture of a window's picture from sRGB pixels, four bytes each, row by row.
     ///
     /// # Errors
-    /// The adapter cannot hold a side, or the number of bytes is wrong.
+    /// A side exceeds the adapter's limit on textures, or the number of bytes is wrong.
     pub fn from_srgb8(gpu: &Gpu, width: u32, height: u32, pixels: &[u8]) -> Result<Self> {
         if pixels.len() as u64 != u64::from(width) * u64::from(height) * 4 {
             let why = format!("{} bytes for {width} x {height} pixels", pixels.len());
@@ -62,7 +63,7 @@ impl DisplayTexture {
     }
 }
 
-/// Pacing of a picture on the screen, whose queue other threads use as well.
+/// Pacing of a picture that is drawn to the screen, while other threads use the device queue as well.
 struct OnScreen<'a, G: FnMut() -> bool> {
     gpu: &'a Gpu,
     pace: &'a mut Pace,
@@ -87,14 +88,14 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
     }
 }
 
-/// Result of drawing to the screen.
+/// Result of drawing a picture to the screen.
 #[derive(Debug, Clone)]
 pub struct Drawn {
-    /// Plan of the picture.
+    /// Plan of the drawn picture: which work was needed and which was skipped.
     pub plan: Plan,
-    /// Time of the ray casting and of the search for its tiles on the host.
+    /// Time to cast the eye rays of the picture, including the search for its tiles on the host.
     pub span: Span,
-    /// Longest time of a band in the queue, ms.
+    /// Longest time that one band of the picture took in the device queue, ms.
     pub longest_band_ms: f64,
 }
 
@@ -102,17 +103,18 @@ pub(super) fn shader() -> ShaderVariant {
     ShaderVariant::of("render/display.wgsl").constants(CONSTANTS)
 }
 
-/// Target of a picture, and its pace.
+/// Texture to which a picture for the screen is drawn, and the pace of drawing.
 pub struct Screen<'a> {
-    /// Texture that is drawn to.
+    /// Texture to which the picture is drawn.
     pub target: &'a DisplayTexture,
-    /// Pace of the bands.
+    /// Pace of drawing: it chooses the number of pixels in each band of the picture.
     pub pace: &'a mut Pace,
 }
 
 impl Renderer {
-    /// Draws a picture of the target's size in bands of about `pace.target_ms`; `shadows` belong to its lights. Returns `None`
-    /// if `go_on` returned `false` after a band: the target then is partly drawn.
+    /// Draws a picture to the texture of a window, in bands that take about `pace.target_ms` each; `shadows` holds
+    /// the shadow maps of its lights. Returns `None` if `go_on` returned `false` after a band: the texture then is
+    /// partly drawn.
     ///
     /// # Errors
     /// The adapter cannot hold the picture, or the device is lost.

@@ -1,8 +1,9 @@
-//! Tiles of a picture in which eye rays are cast, and their depth ranges, from the projection of active bricks.
+//! Tiles of a picture in which eye rays are cast, and their depth ranges, from the projection of active bricks
+//! (bricks with extinction).
 //!
-//! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find the start and end of each ray. Here the host
-//! projects the outer active bricks as spheres, and all rays of a tile share their bounds. Tiles of background are not cast,
-//! and rays start behind empty space.
+//! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find the start and end of each ray. Here the
+//! host projects the outer active bricks as spheres, and all rays of a tile share their bounds. Tiles of background
+//! are not cast, and rays start behind empty space.
 
 use super::mesh::box_corners;
 use super::shader::PICTURE_SIDE;
@@ -16,7 +17,7 @@ use glam::{DMat3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// `Tile` of `shaders/render/frame.wgsl`.
+/// Tile of a picture on the device: `Tile` of `shaders/render/frame.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(super) struct TileUniform {
@@ -25,33 +26,34 @@ pub(super) struct TileUniform {
     pub farthest_mm: f32,
 }
 
-/// Factor of the radius of spheres, for the float32 errors of rays.
+/// Factor by which the bounding spheres of bricks are enlarged, for the float32 errors of eye rays.
 const ROUNDING: f64 = 1.01;
-/// Bricks per task of a thread.
+/// Number of bricks that a thread projects into the picture per task.
 const LEAST_SHARE: usize = 1 << 13;
-/// Margin around a projected sphere, in pixels.
+/// Margin around the projection of a brick into the picture, in pixels.
 const PIXELS_AROUND: f64 = 1.0;
 
-/// Tiles of a picture, row by row, each with the depth range of its active bricks.
+/// Tiles of a picture, row by row, each with the depth range of its active bricks (bricks with extinction).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct EyeTiles {
     across: u32,
-    /// Smallest and largest distance along the view from the frame's plane, mm; the smallest is larger for an empty tile.
+    /// Smallest and largest depth (mm) of the bricks with extinction in each tile of the picture, measured from the
+    /// plane of the picture frame. The smallest exceeds the largest in an empty tile.
     depths: Vec<[f32; 2]>,
-    /// Depth range of bricks that cover all tiles, before it is merged into the tiles.
+    /// Depth range of bricks that cover all tiles of the picture, before it is merged into the tiles.
     everywhere: [f32; 2],
 }
 
-/// Union of two ranges.
+/// Returns the union of two depth ranges.
 fn widened(own: [f32; 2], other: [f32; 2]) -> [f32; 2] {
     [own[0].min(other[0]), own[1].max(other[1])]
 }
 
 const NOTHING: [f32; 2] = [FAR, -FAR];
-/// Levels of a mesh's hierarchy whose boxes are projected: 64 boxes.
+/// Number of levels of a mesh's bounding volume hierarchy down to the boxes that are projected: 64 boxes.
 const MESH_LEVELS: usize = 6;
 
-/// Tiles along a side of the picture that a range of pixels touches.
+/// Returns the tiles along one side of the picture that a range of pixels touches.
 fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
     let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
     if hi < 0.0 || lo >= size {
@@ -62,7 +64,7 @@ fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
 }
 
 impl EyeTiles {
-    /// All tiles, with unlimited depths.
+    /// Returns all tiles of a picture, with unlimited depth ranges.
     pub fn all(scene: &Scene) -> Self {
         Self::filled(scene, [-FAR, FAR])
     }
@@ -72,7 +74,8 @@ impl EyeTiles {
         Self { across, depths: vec![depths; across as usize * down as usize], everywhere: NOTHING }
     }
 
-    /// Tiles with active bricks; depths count from a plane across the view at `plane_mm` from the eye.
+    /// Finds the tiles of a picture in which active bricks (bricks with extinction) may be visible. Depths count from
+    /// a plane across the view at `plane_mm` from the eye.
     pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
         let frame = scene.camera.frame();
         let grid_from_world = grid_from_world(volume);
@@ -124,7 +127,7 @@ impl EyeTiles {
         tiles
     }
 
-    /// Union of two sets of tiles.
+    /// Returns the union of two sets of picture tiles.
     fn with(mut self, other: Self) -> Self {
         for (own, other) in self.depths.iter_mut().zip(other.depths) {
             *own = widened(*own, other);
@@ -133,7 +136,7 @@ impl EyeTiles {
         self
     }
 
-    /// Widens the depths of all tiles that a rectangle of pixels touches.
+    /// Extends the depth ranges of all picture tiles that a rectangle of pixels touches.
     fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
         let (columns, rows) = (tiles_of(columns, size[0]), tiles_of(rows, size[1]));
         if columns.len() * rows.len() == self.depths.len() {
@@ -149,7 +152,7 @@ impl EyeTiles {
         }
     }
 
-    /// Adds the tiles in which a mesh may be visible.
+    /// Adds the tiles of the picture in which a mesh may be visible.
     #[must_use]
     pub fn with_mesh(mut self, scene: &Scene, mesh: &Mesh) -> Self {
         let frame = scene.camera.frame();
@@ -173,7 +176,7 @@ impl EyeTiles {
             let (columns, rows) = (tiles_of([lo.x, hi.x], width), tiles_of([lo.y, hi.y], height));
             for row in rows {
                 let row = &mut self.depths[row * self.across as usize..][..self.across as usize];
-                // The depth range of the volume stays.
+                // Tiles with active bricks retain their depth range.
                 row[columns.clone()]
                     .iter_mut()
                     .filter(|[near, far]| near > far)
@@ -183,13 +186,13 @@ impl EyeTiles {
         self
     }
 
-    /// Number of tiles, and of empty ones.
+    /// Returns the number of all tiles of the picture, and the number of empty ones.
     pub fn counts(&self) -> [usize; 2] {
         [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]
     }
 
-    /// The tiles of a part of the picture, those in which rays are cast first, and how many these are; its corner and size
-    /// are in pixels, the corner that of a tile.
+    /// Returns the tiles in a rectangle of the picture, and the number of tiles in which eye rays are cast, which
+    /// come first. The rectangle is in pixels and starts at the corner of a tile.
     pub fn part(
         &self,
         [column, row]: [u32; 2],
@@ -220,7 +223,7 @@ mod tests {
     use crate::scene::Camera;
     use crate::transfer::{Quantity, TransferFunction};
 
-    /// Every ray of a picture that passes through an active brick does so in its tile, between its depths.
+    /// Asserts that each eye ray meets bricks with extinction only within the depth range of its picture tile.
     fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {
         let plane = 50.0;
         let tiles = EyeTiles::of(scene, volume, active, plane);

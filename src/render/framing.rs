@@ -1,4 +1,4 @@
-//! Visible bounds of a volume, and the camera whose picture they fill.
+//! Camera framing: the visible bounds of a volume, and the camera whose picture they fill.
 
 use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
@@ -8,23 +8,24 @@ use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
 
-/// Share of the picture's half that is left free beyond what reaches furthest.
+/// Margin between the visible bounds and the edge of the picture, as a share of half the picture's size.
 const MARGIN: f64 = 0.05;
-/// Distance of the eye from the visible bounds, relative to their depth.
+/// Smallest distance of the eye from the visible bounds, as a share of their depth.
 const BEFORE: f64 = 0.1;
 
-/// Bounds of all cells with extinction and of the opaque meshes among them; the whole domain where there is
-/// neither. They do not depend on how a picture is drawn.
+/// Visible bounds of a volume: they contain all cells with extinction and the opaque mesh, or the whole domain if
+/// there is neither. They do not depend on how a picture is drawn.
 #[derive(Debug)]
 pub struct VisibleBounds {
     volume: Arc<Volume>,
-    /// Bricks with extinction beside ones without: all others lie between them.
+    /// Bricks with extinction that touch a brick without. All other bricks with extinction lie between them.
     outer: Vec<IVec3>,
-    /// Values with extinction, by each of the transfer function's functions.
+    /// Intervals of voxel values with extinction, for each transfer function that labels select.
     intervals: Vec<Vec<[f64; 2]>>,
-    /// Index of the transfer function of each label, in the order of the volume's labels; `None`: hidden.
+    /// Index of the transfer function of each label, in the order of the volume's labels; `None`: the label is
+    /// hidden.
     functions: Vec<Option<usize>>,
-    /// Clip planes in index coordinates: kept is `normal · p >= offset`.
+    /// Clip planes in voxel index coordinates; the side with `normal · p >= offset` remains visible.
     planes: Vec<(DVec3, f64)>,
     mesh: Option<Arc<Mesh>>,
     center_mm: DVec3,
@@ -64,7 +65,7 @@ impl VisibleBounds {
         }
     }
 
-    /// Bounds of the whole domain of a volume.
+    /// Returns the bounds of the whole domain of a volume, visible or not.
     pub fn whole(volume: &Arc<Volume>) -> Self {
         let center_mm = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
         let (intervals, functions, planes) = (Vec::new(), Vec::new(), Vec::new());
@@ -72,32 +73,33 @@ impl VisibleBounds {
         Self { volume, outer: Vec::new(), intervals, functions, planes, mesh: None, center_mm }
     }
 
-    /// The volume.
+    /// Returns the volume to which the visible bounds belong.
     pub fn volume(&self) -> &Volume {
         &self.volume
     }
 
-    /// Middle of the box around it, to a brick; world mm.
+    /// Returns the centre of the box around the visible part of the volume, to within a brick; world mm.
     pub fn center_mm(&self) -> DVec3 {
         self.center_mm
     }
 
-    /// The camera that looks from the side `away` and sees all of it, in a picture as wide as `aspect` times its height, from
-    /// as close as that allows: what reaches furthest to the left and right, or up and down, ends a little before the edge.
+    /// Returns the camera that looks from the side `away` and shows all of the visible bounds, from as close as
+    /// possible. The picture is `aspect` times as wide as high; a small margin remains at the edges that the bounds
+    /// reach.
     pub fn framed(&self, away: DVec3, up: DVec3, fov_deg: f64, aspect: f64) -> Camera {
         let forward = -away.normalize();
         let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
         let frame_up = right.cross(forward);
         let half_y = (0.5 * fov_deg.to_radians()).tan() * (1.0 - MARGIN);
         let half_x = half_y * aspect;
-        // A point p is left of the picture's right edge where (p - eye) (right - half_x forward) <= 0, and so on: each side
-        // gives one bound on the eye, two opposite ones the depth at which both just hold.
+        // A point p is left of the picture's right edge where (p - eye) (right - half_x forward) <= 0, and so on:
+        // each side gives one bound on the eye, two opposite ones the depth at which both just hold.
         let side = |across: DVec3, half: f64| {
             let ends = [1.0, -1.0].map(|sign| self.furthest(sign * across - half * forward));
             (-(ends[0] + ends[1]) / (2.0 * half), 0.5 * (ends[0] - ends[1]))
         };
         let ((depth_x, x), (depth_y, y)) = (side(right, half_x), side(frame_up, half_y));
-        // Before what is nearest, however wide the view.
+        // The eye stays in front of the nearest visible point, however wide the view is.
         let [far, near] = [self.furthest(forward), -self.furthest(-forward)];
         let depth = depth_x.min(depth_y).min(near - BEFORE * (far - near));
         let eye = depth * forward + x * right + y * frame_up;
@@ -105,7 +107,8 @@ impl VisibleBounds {
         Camera { eye, target, up, fov_deg }
     }
 
-    /// Largest extent along a direction from the world origin, in lengths of the direction, to within a cell.
+    /// Returns how far the visible bounds reach along `direction`: the largest dot product of a visible world point
+    /// with it, to within a cell.
     fn furthest(&self, direction: DVec3) -> f64 {
         let of_mesh = self.mesh.as_ref().map_or(f64::NEG_INFINITY, |mesh| {
             mesh.triangles().iter().flatten().map(|p| p.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
@@ -118,7 +121,7 @@ impl VisibleBounds {
                 .map(|c| c.dot(direction))
                 .fold(f64::NEG_INFINITY, f64::max);
         }
-        // Along the grid's axes, so that boxes of cells are boxes.
+        // Uses the axes of the grid, along which boxes of cells are aligned.
         let world = self.volume.world_from_index();
         let (along, origin) = (world.matrix3.transpose() * direction, world.translation.dot(direction));
         let reach = |[lo, hi]: [DVec3; 2]| origin + (along * lo).max(along * hi).element_sum();
@@ -128,8 +131,8 @@ impl VisibleBounds {
             .iter()
             .map(|brick| (reach(cells_box(*brick * BRICK_CELLS as i32, BRICK_CELLS as i32, dims)), *brick))
             .collect();
-        // Those that may reach furthest first, until no other can. Neighbouring cells share voxels, and so a brick with
-        // extinction has a cell with it.
+        // Visits first the bricks that may reach furthest, until no other brick can. Neighbouring cells share voxels,
+        // and so a brick with extinction has a cell with extinction.
         bounds.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         let mut furthest = of_mesh;
         for (bound, brick) in &bounds {
@@ -139,12 +142,13 @@ impl VisibleBounds {
             let cells = cells_of(*brick).filter(|cell| self.has_extinction(*cell));
             furthest = cells.map(|cell| reach(cells_box(cell, 1, dims))).fold(furthest, f64::max);
         }
-        // A plane may clip a brick by so little that it counts as active, and every cell of it.
+        // A clip plane may remove every cell of a brick that still counts as active, within the margin of that test.
         let of_bricks = bounds.first().map_or(furthest, |(bound, _)| *bound);
         if furthest.is_finite() { furthest } else { of_bricks }
     }
 
-    /// Whether a cell has a value with extinction, of a label that is shown, on the kept side of some plane of each.
+    /// Whether a cell of the volume may be visible: it has a value with extinction, of a label that is shown, and no
+    /// clip plane removes the whole cell.
     fn has_extinction(&self, cell: IVec3) -> bool {
         let last = IVec3::from_array(self.volume.dims().map(|n| n as i32 - 1));
         if cell.cmpgt(last + 1).any() {
@@ -178,14 +182,14 @@ impl VisibleBounds {
     }
 }
 
-/// The cells of a brick.
 fn cells_of(brick: IVec3) -> impl Iterator<Item = IVec3> {
     let side = BRICK_CELLS as i32;
     (0..side * side * side)
         .map(move |i| side * brick + IVec3::new(i % side, i / side % side, i / (side * side)))
 }
 
-/// The box of `side` cells along each axis from `cell` on, in index coordinates, cut to the domain.
+/// Returns the box of `side` cells along each axis, starting at `cell`, in voxel index coordinates and clipped to the
+/// volume.
 fn cells_box(cell: IVec3, side: i32, dims: [i32; 3]) -> [DVec3; 2] {
     // Cell c spans [c - 1, c].
     let end = DVec3::from_array(dims.map(|n| f64::from(n) - 0.5));
@@ -200,7 +204,7 @@ mod tests {
     use glam::{DAffine3, DMat3};
     use ndarray::Array3;
 
-    /// One inside a box of voxels, 0 around it, on an oblique grid.
+    /// Returns a test volume on an oblique grid: 1 inside a box of voxels, 0 around it.
     fn boxed(lo: [usize; 3], hi: [usize; 3]) -> Arc<Volume> {
         let inside =
             |(k, j, i): (usize, usize, usize)| (0..3).all(|a| (lo[a]..=hi[a]).contains(&[i, j, k][a]));
@@ -211,7 +215,7 @@ mod tests {
         Arc::new(Volume::new(Voxels::U8(values), Scaling::IDENTITY, affine, provenance).unwrap())
     }
 
-    /// Picture positions of the corners of the box of cells with extinction: -1 to 1 along both axes.
+    /// Returns the range of picture positions (-1 to 1 along both axes) that the box of cells with extinction covers.
     fn reaches(
         volume: &Volume,
         lo: [usize; 3],

@@ -1,20 +1,21 @@
-//! Lights of a picture: their shadow maps, and one pass over the picture per light.
+//! Lights of a picture: their shadow maps, and one rendering pass over the picture per light.
 
 use crate::error::{Error, Result};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 
-/// Shadow structures of a scene's lights with intensity, in their order ([`Scene::shining`]).
+/// Shadow maps of a scene's lights that are not black, in the order of the lights ([`Scene::shining`]).
 #[derive(Clone)]
 pub struct LightMaps<'a>(Vec<&'a ShadowMap>);
 
 impl<'a> LightMaps<'a> {
-    /// Maps in the order of the lights.
+    /// Returns the shadow maps in the order of the scene's lights.
     pub fn maps(&self) -> &[&'a ShadowMap] {
         &self.0
     }
 
-    /// Refuses a number of maps that differs from the number of lights with intensity.
+    /// Returns an error if the number of shadow maps differs from the number of the scene's lights that are not
+    /// black.
     pub(super) fn checked(self, scene: &Scene) -> Result<Self> {
         let (maps, lights) = (self.0.len(), scene.shining().len());
         match maps == lights && maps > 0 {
@@ -51,22 +52,24 @@ impl<'a> From<&'a Vec<ShadowMap>> for LightMaps<'a> {
     }
 }
 
-/// Pass over a picture: the contribution of one light, or of several with equal factors.
+/// Rendering pass over a picture that adds one light, or several lights with equal shading and shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LightPass {
-    /// Index of its map.
+    /// Index of the light's shadow map among the shadow maps of the picture.
     pub map: usize,
-    /// Linear light at a lit point; `None` for a single white light of intensity 1, whose picture needs no factor and no sum.
+    /// Linear RGB of the light that reaches an unshadowed point; `None` for a single white light of intensity 1,
+    /// whose picture needs no factor and no sum.
     pub radiance: Option<[f64; 3]>,
 }
 
 impl LightPass {
-    /// Single pass of a picture.
+    /// Returns the rendering pass of a picture that needs only one, with the given linear RGB of the light.
     fn only(radiance: [f64; 3]) -> Self {
         Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
     }
 
-    /// Passes of a picture, at least one; `depends_on_light` says whether lights have different factors.
+    /// Returns the rendering passes of a picture, at least one. `depends_on_light` says whether shading and shadows
+    /// differ between lights.
     pub fn all(scene: &Scene, depends_on_light: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {

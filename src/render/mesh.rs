@@ -1,4 +1,4 @@
-//! Mesh on the device: its triangles and their bounding volume hierarchy, in grid space.
+//! Triangle mesh on the graphics device: its triangles and their bounding volume hierarchy, in grid space.
 
 use crate::error::Result;
 use crate::field::grid_from_world;
@@ -9,12 +9,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Triangle of a node that is a box.
+/// Placeholder for the triangle number in a node of a mesh's bounding volume hierarchy that holds no triangle.
 const NO_TRIANGLE: u32 = u32::MAX;
-/// Margin of boxes for the float32 errors of rays, as a share of the largest coordinate: 2^-19.
+/// Margin of the boxes of a bounding volume hierarchy, for the float32 errors of rays. It is relative to the largest
+/// coordinate: 2^-19.
 const ROUNDING: f64 = 1.0 / 524_288.0;
 
-/// `Node` of `shaders/render/mesh/tree.wgsl`.
+/// Node of a mesh's bounding volume hierarchy on the device: `Node` of `shaders/render/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Node {
@@ -24,7 +25,7 @@ struct Node {
     next: u32,
 }
 
-/// `Triangle` of `shaders/render/mesh/tree.wgsl`.
+/// Triangle of a mesh on the device: `Triangle` of `shaders/render/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Triangle {
@@ -34,12 +35,12 @@ struct Triangle {
     color: [f32; 4],
 }
 
-/// Cache of the last mesh, with the grid in which it was drawn.
+/// Cache of the last mesh's bind group, with the volume grid in which the mesh was drawn.
 #[derive(Default)]
 pub(super) struct MeshCache(Mutex<Option<(Arc<Mesh>, DAffine3, Group)>>);
 
 impl MeshCache {
-    /// Group 3 of a mesh in the grid of a volume.
+    /// Returns bind group 3, which holds a triangle mesh in the grid space of a volume.
     ///
     /// # Errors
     /// The adapter cannot bind so many triangles.
@@ -57,7 +58,7 @@ impl MeshCache {
     }
 }
 
-/// Uploads a mesh and binds it as group 3.
+/// Uploads a triangle mesh, and creates bind group 3 for it.
 fn mesh_group(gpu: &Gpu, mesh: &Mesh, grid_from_world: &DAffine3) -> Result<Group> {
     let corner = |p: DVec3, normal: f64| {
         grid_from_world.transform_point3(p).as_vec3().extend(normal as f32).to_array()
@@ -106,7 +107,7 @@ pub(super) fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
     })
 }
 
-/// Adds the intersection with a mesh to a ray caster.
+/// Adds the intersection of rays with a triangle mesh to the shader that casts eye rays.
 pub(super) fn with_mesh(shader: ShaderVariant, shadows: bool) -> ShaderVariant {
     let constants =
         [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE), Constant::float("SURFACE_GAP", SURFACE_GAP as f32)];

@@ -1,5 +1,5 @@
-//! Eye rays: what a scene needs, casting them, showing pictures, asking for light at points, and what stays between
-//! pictures.
+//! Volume rendering by eye rays: the plan of a picture, ray casting, display on the screen, queries for
+//! transmittance, and the renderer that keeps data between pictures.
 
 mod display;
 mod eye_tiles;
@@ -28,8 +28,9 @@ pub use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Opti
 use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;
 
-/// Every pipeline of this room with a lookup, or with none, for tests of shaders: the ray caster by what its plan
-/// decides, queries, what fills their background, and what encodes pictures for the screen.
+/// Returns the shaders of the render module for one kind of shadow query (or none), for tests. They are the ray
+/// casters of all plans; with a query, also its shader for single points; without one, also those for the background
+/// and the screen.
 pub fn shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = plan::raycast_shaders(lookup);
     list.extend(lookup.map(query::shader));

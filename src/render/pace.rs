@@ -1,16 +1,16 @@
-//! Pixels per submission of a picture, so that one submission lasts about as long as intended.
+//! Chooses the number of pixels per submission of a picture, so that one submission takes about the intended time.
 
 use crate::gpu::Span;
 
-/// Choice of the number of pixels per submission of a picture.
+/// Choice of the number of pixels that each submission of a picture draws.
 pub(crate) trait Pacing {
-    /// Pixels of the next submission; `None` ends the picture.
+    /// Returns the number of pixels that the next submission draws; `None` ends the drawing of the picture.
     fn pixels_next(&mut self) -> Option<u32>;
-    /// Records the duration of a submission.
+    /// Records the duration of a submission that drew `pixels` pixels.
     fn took(&mut self, pixels: u32, span: Span);
 }
 
-/// Pacing in one submission, where the adapter can bind the picture.
+/// Pacing that draws a picture in one submission, if the adapter can bind the whole picture.
 pub(crate) struct AtOnce;
 
 impl Pacing for AtOnce {
@@ -32,27 +32,29 @@ impl Pacing for Pace {
     }
 }
 
-/// Longest duration of a submission, and the measured speed of earlier ones.
+/// Longest duration of one submission of a picture, and the measured speed of earlier submissions.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
-    /// Longest duration of a submission, ms.
+    /// Longest duration of one submission of a picture, ms.
     pub target_ms: f64,
-    /// Pixels per millisecond over whole pictures, empty regions included.
+    /// Speed of drawing in pixels per millisecond over whole pictures, empty regions included.
     pixels_per_ms: f64,
-    /// Pixels per millisecond of the slowest band, in the previous picture and in this one.
+    /// Speed of the slowest band of rows in pixels per millisecond, in the previous picture and in this one.
     slowest_before: f64,
     slowest_now: f64,
     pixels: f64,
     ms: f64,
 }
 
-/// Largest factor by which the rate of the slowest band rises.
+/// Largest factor by which the measured speed of the slowest band of rows rises from one band to the next.
 const RECOVERY: f64 = 1.25;
-/// Shortest band that counts: the time of a shorter one mainly is the cost of a submission.
+/// Shortest duration of a band of rows whose speed is measured, ms. A shorter band spends most of its time on the
+/// submission.
 const SHORTEST_BAND_MS: f64 = 4.0;
 
 impl Pace {
-    /// Starts with small bands, until the speed of the adapter is measured.
+    /// Creates the pace of drawing for submissions of about `target_ms`. It starts with small bands, until the speed
+    /// of the adapter is measured.
     pub fn new(target_ms: f64) -> Self {
         let rate = 500.0;
         Self {
@@ -65,12 +67,12 @@ impl Pace {
         }
     }
 
-    /// Pixels per millisecond of the last pictures.
+    /// Returns the speed of drawing in the last pictures, in pixels per millisecond.
     pub fn pixels_per_ms(&self) -> f64 {
         self.pixels_per_ms
     }
 
-    /// Begins a picture with the rates of the last one.
+    /// Begins a picture with the speeds that were measured in the last one.
     pub(super) fn begin(&mut self) {
         if self.ms > 0.0 {
             self.pixels_per_ms = 0.5 * (self.pixels_per_ms + self.pixels / self.ms);
@@ -93,13 +95,14 @@ impl Pace {
         }
     }
 
-    /// Drops the rate of the previous picture, for a picture without one: bands grow until one is long enough to count.
+    /// Drops the speed of the previous picture, for a single picture that has no predecessor. Bands of rows grow
+    /// until one is long enough to be measured.
     pub(super) fn forget_before(&mut self) {
         let measured = self.slowest_now.is_finite();
         self.slowest_before = if measured { f64::INFINITY } else { 2.0 * self.slowest_before };
     }
 
-    /// Number of pixels that probably fit into the target.
+    /// Returns the number of pixels that can probably be drawn within the target duration of a submission.
     pub(super) fn pixels(&self) -> u32 {
         let rate = self.slowest_before.min(self.slowest_now);
         (self.target_ms * rate).clamp(1.0, f64::from(u32::MAX)) as u32

@@ -1,4 +1,5 @@
-//! Ray casting of pictures band by band, into host memory here and into a window's textures in [`super::display`].
+//! Ray casting of pictures band by band into host memory. [`super::display`] draws pictures into the textures of a
+//! window.
 
 use super::eye_tiles::EyeTiles;
 use super::lights::{LightMaps, LightPass};
@@ -17,7 +18,7 @@ use glam::DVec3;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// `Frame` of `shaders/render/frame.wgsl`.
+/// Uniform of a picture's camera, light and background: `Frame` of `shaders/render/frame.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct FrameUniform {
@@ -43,32 +44,32 @@ struct FrameUniform {
     pub adds: u32,
 }
 
-/// Finished picture.
+/// Rendered picture in host memory, with its time and its plan.
 pub struct Picture {
-    /// `height x width x 4`: linear RGB over the background, and opacity `1 - T_eye`.
+    /// Pixels of the picture as `height x width x 4` floats: linear RGB over the background, and opacity `1 - T_eye`.
     pub pixels: Array3<f32>,
-    /// Time of the ray casting and of the search for its tiles on the host.
+    /// Time to cast the eye rays of the picture, including the search for its tiles on the host.
     pub span: Span,
-    /// Plan of the picture.
+    /// Plan of the rendered picture: which work was needed and which was skipped.
     pub plan: Plan,
 }
 
-/// Finished rows of a picture.
+/// Band of finished rows of a picture.
 pub(crate) struct Band<'a> {
-    /// `rows x width x 4` floats: linear RGB and opacity.
+    /// Pixels of the band as `rows x width x 4` floats: linear RGB and opacity.
     pub buffer: &'a wgpu::Buffer,
     pub first_row: u32,
     pub rows: u32,
 }
 
-/// Progress of a pixel before its first dispatch.
+/// Progress value of a pixel whose eye ray has not started.
 const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
-    /// Renders a picture; `shadows` belong to its lights, in their order.
+    /// Renders a picture of a scene; `shadows` holds the shadow maps of its lights, in the order of the lights.
     ///
     /// # Errors
-    /// The adapter cannot hold the picture, the numbers of lights and shadows differ, or the device is lost.
+    /// The adapter cannot hold the picture, the numbers of lights and shadow maps differ, or the device is lost.
     pub fn render<'a>(
         &self,
         loaded: &LoadedVolume,
@@ -81,11 +82,12 @@ impl Renderer {
         drawn.ok_or_else(broken)
     }
 
-    /// Renders a picture in submissions of about `submission_ms`, so that other threads can draw in between. `go_on` receives
-    /// the finished share after each band; the result is `None` if it returns `false`.
+    /// Renders a picture of a scene in submissions of about `submission_ms`, so that other threads can draw in
+    /// between. After each band of rows, `go_on` receives the finished share of the picture. If it returns `false`,
+    /// the result is `None`.
     ///
     /// # Errors
-    /// The adapter cannot hold the picture, the numbers of lights and shadows differ, or the device is lost.
+    /// The adapter cannot hold the picture, the numbers of lights and shadow maps differ, or the device is lost.
     pub fn render_in_bands<'a>(
         &self,
         loaded: &LoadedVolume,
@@ -119,8 +121,8 @@ impl Renderer {
         Ok(Some(Picture { pixels, span, plan }))
     }
 
-    /// Casts the rays of a picture in bands of rows; `pacing` may split a band into parts. Returns `None` if `pacing` or
-    /// `finished` ended the work.
+    /// Casts the eye rays of a picture in bands of rows; `pacing` may split a band into parts. Returns `None` if
+    /// `pacing` or `finished` ended the work.
     pub(crate) fn draw(
         &self,
         loaded: &LoadedVolume,
@@ -183,7 +185,8 @@ impl Renderer {
         Ok(Some((plan, span)))
     }
 
-    /// Casts the rays of one band in parts, the first one of `pixels`; returns `false` if `pacing` ended the work.
+    /// Casts the eye rays of one band of a picture in parts, the first one of `pixels` pixels. Returns `false` if
+    /// `pacing` ended the work.
     fn cast_band(
         &self,
         caster: &Caster<'_>,
@@ -239,7 +242,8 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Runs one pass over a part of a band, in as many dispatches as needed; `tiles` counts the skipped and the cast ones.
+    /// Runs one rendering pass over a part of a band, in as many dispatches as needed. `tiles` holds the number of
+    /// skipped tiles and of tiles in which rays are cast.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -266,21 +270,22 @@ impl Renderer {
     }
 }
 
-/// Inputs of all parts of a picture.
+/// Inputs for casting the eye rays of a picture, shared by all of its parts.
 struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
     scene: &'a Scene,
     tiles: EyeTiles,
     passes: Vec<Pass<'a>>,
-    /// Group 3, if the scene has a mesh.
+    /// Bind group 3 with the triangles of the scene's mesh, if there is one.
     mesh: Option<Group>,
-    /// Directions of strands, if the shading reads them.
+    /// Strand directions on the device, if the shading reads them.
     directions: Option<&'a DeviceDirections>,
 }
 
 impl Caster<'_> {
-    /// Uniform of all parts of a pass. The first pass has the ambient light and the background, and later ones add to it.
+    /// Returns the uniform for all parts of a rendering pass. The first pass draws the ambient light and the
+    /// background, and later passes add to it.
     fn frame_uniform(&self, pass: usize) -> FrameUniform {
         let frame = frame_uniform(&self.loaded.volume, self.scene);
         let lit = 1.0 - self.scene.ambient;
@@ -293,7 +298,7 @@ impl Caster<'_> {
     }
 }
 
-/// Pass over the picture.
+/// Rendering pass over a picture, for one light or several.
 struct Pass<'a> {
     shadow: &'a ShadowMap,
     radiance: Option<[f64; 3]>,
@@ -301,20 +306,20 @@ struct Pass<'a> {
     resumable: bool,
 }
 
-/// Smallest width of a part: the overhead of shorter submissions is larger than their gain for other threads.
+/// Smallest width of a part of a band, in pixels. Shorter submissions have more overhead than gain for other threads.
 const LEAST_COLUMNS: u32 = 64;
 
-/// Rows of whole workgroups for a number of pixels, at least one workgroup.
+/// Converts a number of pixels to picture rows, in whole workgroups and at least one.
 fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
     (pixels / width.max(1) / PICTURE_SIDE).max(1) * PICTURE_SIDE
 }
 
-/// Columns of whole workgroups for a number of pixels.
+/// Converts a number of pixels to picture columns, in whole workgroups.
 fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
     (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
 }
 
-/// Dispatch size for a number of tiles.
+/// Returns the dispatch size for a number of picture tiles.
 fn workgroups(tiles: u32) -> [u32; 3] {
     match tiles {
         0 => [0; 3],
@@ -326,7 +331,7 @@ pub(super) fn background_shader() -> ShaderVariant {
     ShaderVariant::of("render/background.wgsl").modules(&["render/frame.wgsl"]).constants(CONSTANTS)
 }
 
-/// Uniform of all parts of a picture.
+/// Returns the uniform of camera and scene that all parts of a picture share.
 fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
     let world_from_grid = grid_from_world.inverse().matrix3;
@@ -375,7 +380,7 @@ mod tests {
     fn parts_are_whole_workgroups_of_a_minimum_width() {
         assert_eq!(pixels_to_rows(u32::MAX, 512) % PICTURE_SIDE, 0);
         assert_eq!((pixels_to_rows(20_000, 1000), pixels_to_columns(20_000, 16)), (16, 1248));
-        // Eight rows have more pixels than that: a part of their columns then.
+        // Eight rows already have more pixels than that, and so a part of their columns is drawn.
         assert_eq!((pixels_to_rows(1000, 1000), pixels_to_columns(1000, 8)), (8, 120));
         assert_eq!((pixels_to_rows(1, 1000), pixels_to_columns(1, 8)), (8, LEAST_COLUMNS));
     }

@@ -1,4 +1,5 @@
-//! Plan of a picture: the work that the scene needs, and the work that is skipped. Every decision is a line of `--explain`.
+//! Plan of a picture: which work the scene needs, and which work is skipped. `--explain` prints every decision as a
+//! line.
 
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
@@ -12,28 +13,28 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::fmt;
 
-/// Skipped work that a scene does not need.
+/// Work that is skipped, since the scene does not need it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
-    /// Name of the skipped work.
+    /// Name of the skipped work, such as `gradients`.
     pub what: String,
-    /// Reason why the scene does not need it.
+    /// Reason why the scene does not need the skipped work.
     pub why: String,
-    /// Bytes or work saved, where known.
+    /// Bytes or work that were saved by skipping, where known.
     pub saved: Option<String>,
-    /// Optimization that skips it, if `--no-skip` can disable it.
+    /// Optimization by which the work was skipped, if `--no-skip` can disable it.
     pub optional: Option<Optimization>,
 }
 
 impl Omission {
-    /// Text with the skipped work, the reason and the saving.
+    /// Returns a text with the skipped work, the reason for skipping it, and the saving.
     pub fn text(&self) -> String {
         let saved = self.saved.as_ref().map_or(String::new(), |s| format!(", {s}"));
         format!("{} ({}){saved}", self.what, self.why)
     }
 }
 
-/// Writes the text, and in brackets the name for `--no-skip`.
+/// Writes the skipped work with the reason and the saving, and in brackets its name for `--no-skip`.
 impl fmt::Display for Omission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "skipped: {}", self.text())?;
@@ -41,25 +42,26 @@ impl fmt::Display for Omission {
     }
 }
 
-/// Decisions for one picture.
+/// Decisions for one picture: the work that the scene needs, and the work that is skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Whether shadows are looked up.
+    /// Whether the picture needs queries for the transmittance from its lights.
     pub shadows: bool,
-    /// Whether rays skip empty bricks.
+    /// Whether eye rays skip bricks without extinction.
     pub skip_bricks: bool,
-    /// Shading that is computed: the scene's, or one with weight 0 where [`Optimization::Gradients`] is disabled.
+    /// Shading that the picture computes: that of the scene, or shading of weight 0 if the scene has none and
+    /// [`Optimization::Gradients`] is disabled.
     pub shading: Shading,
-    /// Whether the scene has a mesh.
+    /// Whether the picture's scene has a mesh.
     pub mesh: bool,
-    /// Skipped work.
+    /// List of the work that is skipped for this picture.
     pub left_out: Vec<Omission>,
 }
 
-/// Whether a visible point may be in shadow, which is decided before a shadow map is built.
+/// Decides whether a visible point of a scene may be in shadow, before any shadow map is built.
 ///
 /// # Errors
-/// The reason why no visible point is in shadow.
+/// Returns the reason why no visible point is in shadow.
 pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
     if transfer.disabled.has(Optimization::Shadows) {
         return Ok(());
@@ -79,21 +81,21 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
     }
 }
 
-/// Whether a box of index coordinates may be visible in the picture.
+/// Whether a box in voxel index coordinates may be visible in a scene's picture.
 fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
     let frustum = View::of(scene).frustum(&volume.world_from_index());
     frustum.may_intersect(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
-/// Distance of the frame's plane from the eye, mm: it passes through the volume's centre, so that distant eyes lose no
-/// precision.
+/// Returns the distance from the eye to the plane of the picture frame, mm. The plane passes through the volume's
+/// centre, so that distant eyes lose no precision.
 pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
     let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
     (center - scene.camera.eye).dot(scene.camera.frame().forward).max(volume.min_spacing_mm())
 }
 
 impl Plan {
-    /// Plans a picture with existing shadow structures, and finds the tiles in which rays are cast.
+    /// Plans a picture with the given shadow maps, and finds the tiles of the picture in which eye rays are cast.
     pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
@@ -175,12 +177,13 @@ impl Plan {
         self.shadows || self.mesh || self.shading != Shading::None
     }
 
-    /// Whether a pass of the picture may take several dispatches.
+    /// Whether a rendering pass over the picture may take several dispatches, each of which continues where the last
+    /// one stopped.
     pub(super) fn resumable(&self, shadow: &ShadowMap) -> bool {
         self.shadows && shadow.lookup.as_ref().is_some_and(|lookup| self.mesh || lookup.marches())
     }
 
-    /// Ray caster of the plan.
+    /// Returns the shader that casts the eye rays of this plan.
     pub(super) fn raycast_shader(
         &self,
         transfer: &DeviceTransfer,
@@ -196,7 +199,7 @@ impl Plan {
     }
 }
 
-/// List of skipped work.
+/// List of the work that is skipped for a picture.
 struct Omissions(Vec<Omission>);
 
 impl Omissions {
@@ -210,7 +213,8 @@ impl Omissions {
         self.0.push(Omission { what: what.into(), why: why.into(), saved, optional });
     }
 
-    /// Adds the skipped parts of shadow structures, as sums over all lights; a skipped pass is listed once.
+    /// Adds the skipped parts of shadow maps, as sums over all lights. A compute pass that is skipped for several
+    /// lights is listed once.
     fn add_maps(&mut self, maps: &[&ShadowMap]) {
         let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
         let left_out = sum(&|map| map.report.tiles_left_out.into());
@@ -231,7 +235,7 @@ impl Omissions {
         }
     }
 
-    /// Adds lights without intensity: they have no shadow structure and no pass.
+    /// Adds the black lights of a scene to the list of skipped work: they have no shadow map and no rendering pass.
     fn add_lights(&mut self, scene: &Scene) {
         for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
             let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
@@ -239,7 +243,7 @@ impl Omissions {
         }
     }
 
-    /// Adds the data that the shading does not read: gradients, or the directions of strands.
+    /// Adds the data that the shading does not read to the list of skipped work: gradients, or strand directions.
     fn add_shading(&mut self, shading: Shading, loaded: &LoadedVolume) {
         let samples = Some("6 samples a lit sample".into());
         match shading {
@@ -276,7 +280,7 @@ fn raycast_shader(
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
 
-/// All ray casters of plans, without combinations of independent parts.
+/// Returns the shaders that cast eye rays in all plans, without combinations of independent options.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
     // Lookups do not depend on the kind of shading, only on its presence: the most complex one stands for all.
@@ -288,7 +292,7 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
         }
         // A factor on the light depends neither on bricks nor on colours in tables.
         list.push(raycast_shader(lookup, shading, true, false, true));
-        // A surface does not depend on them either.
+        // A mesh surface does not depend on bricks and colours in tables either.
         for light_factor in [false, true] {
             let shader = raycast_shader(lookup, shading, true, false, light_factor);
             list.push(with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));
@@ -297,7 +301,7 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     list
 }
 
-/// Definitions of a shading.
+/// Returns the shader definitions (`#ifdef`) of a kind of shading.
 fn shading_defs(shading: Shading) -> &'static [&'static str] {
     match shading {
         Shading::None => &[],

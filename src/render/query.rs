@@ -1,4 +1,4 @@
-//! Transmittance at points, from the lookup of pictures.
+//! Queries a shadow map for the transmittance from the light at points, by the same shader code as pictures.
 
 use super::Renderer;
 use super::shader::CONSTANTS;
@@ -13,7 +13,8 @@ pub(super) fn shader(lookup: &Lookup) -> ShaderVariant {
 }
 
 impl Renderer {
-    /// Transmittance from the light to world points, from the lookup of pictures.
+    /// Returns the transmittance from the light to world points (mm), queried from a shadow map by the same shader
+    /// code as in pictures.
     ///
     /// # Errors
     /// The device is lost.

@@ -1,4 +1,4 @@
-//! Renderer of one device.
+//! Renderer of one graphics device: loads volumes and transfer functions, and builds shadow maps.
 
 use super::mesh::MeshCache;
 use super::plan::needs_shadows;
@@ -12,7 +12,7 @@ use crate::volume::Volume;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Renderer of one device: its pipelines, and the pace of its submissions.
+/// Renderer of one graphics device: its compute pipelines, and the pace of its submissions.
 pub struct Renderer {
     pub(super) kernels: Kernels,
     tile_pace: TilePace,
@@ -20,13 +20,14 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Renderer without a limit on the duration of submissions.
+    /// Creates a renderer without a limit on the duration of submissions to the device.
     pub fn new(gpu: Gpu) -> Self {
         Self::over(Kernels::new(gpu, false), f64::INFINITY)
     }
 
-    /// Renderer for a window that uses the same queue and moves its light: shadow maps are built in submissions of about
-    /// `submission_ms`, and uniforms are read as storage (see [`Kernels::new`]).
+    /// Creates a renderer for a window that shares the device queue and moves the light. It builds shadow maps in
+    /// submissions of about `submission_ms`, and software adapters read uniforms as storage buffers (see
+    /// [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
         Self::over(Kernels::new(gpu, true), submission_ms)
     }
@@ -35,17 +36,17 @@ impl Renderer {
         Self { kernels, tile_pace: TilePace::new(submission_ms), mesh: MeshCache::default() }
     }
 
-    /// Device.
+    /// Returns the graphics device of the renderer.
     pub fn gpu(&self) -> &Gpu {
         self.kernels.gpu()
     }
 
-    /// Pipelines of the device.
+    /// Returns the compute pipelines of the renderer.
     pub fn kernels(&self) -> &Kernels {
         &self.kernels
     }
 
-    /// Uploads a volume.
+    /// Uploads a volume to the graphics device.
     ///
     /// # Errors
     /// The adapter cannot hold the volume.
@@ -53,7 +54,7 @@ impl Renderer {
         LoadedVolume::new(self.gpu(), volume)
     }
 
-    /// Makes the tables of a transfer function and classifies the bricks.
+    /// Makes the device tables of a transfer function, and classifies the volume's bricks as active or empty.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -66,7 +67,8 @@ impl Renderer {
         DeviceTransfer::new(self.gpu(), loaded, tf, disabled)
     }
 
-    /// Replaces the colours by those of `tf`, whose extinction must be the same at all values that occur.
+    /// Replaces the colours of a transfer function on the device by those of `tf`, whose extinction must be the same
+    /// at all values of the volume.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -79,10 +81,11 @@ impl Renderer {
         transfer.recolored(self.gpu(), loaded, tf)
     }
 
-    /// Builds a shadow structure, with a report of its times on the host and on the device.
+    /// Builds the shadow map (or other shadow data structure) of one light, with a report of its times on the host
+    /// and on the device.
     ///
     /// # Errors
-    /// The adapter cannot hold the structure.
+    /// The adapter cannot hold the shadow map.
     pub fn shadow(
         &self,
         loaded: &LoadedVolume,
@@ -93,7 +96,8 @@ impl Renderer {
         self.build(loaded, transfer, method, light, None)
     }
 
-    /// Method that a scene's picture needs: [`NoShadows`] where no light can be blocked ([`needs_shadows`]).
+    /// Returns the shadow method that a scene's picture needs: [`NoShadows`] where no light can be blocked
+    /// ([`needs_shadows`]).
     pub fn effective_method<'m>(
         &self,
         loaded: &LoadedVolume,
@@ -104,8 +108,8 @@ impl Renderer {
         if needs_shadows(scene, &loaded.volume, transfer).is_ok() { method } else { &NoShadows }
     }
 
-    /// Builds the shadow structure of one light for the pictures of a scene, by its effective method. Lookups are valid in
-    /// the view only; `None` means all points.
+    /// Builds the shadow map of one light for pictures of a scene, by the effective shadow method. Queries for
+    /// transmittance are valid in the view only; `None` means at all points.
     ///
     /// # Errors
     /// See [`Self::shadow`].
@@ -141,10 +145,11 @@ impl Renderer {
         Ok(map)
     }
 
-    /// Builds the shadow structure of each light of a scene with intensity ([`Scene::shining`]), in their order.
+    /// Builds the shadow maps of all lights of a scene that are not black ([`Scene::shining`]), in the order of the
+    /// lights.
     ///
     /// # Errors
-    /// The adapter cannot hold a structure.
+    /// The adapter cannot hold a shadow map.
     pub fn shadows_in(
         &self,
         loaded: &LoadedVolume,

@@ -1,4 +1,4 @@
-//! Volume and transfer function on a device, for the commands.
+//! Rendering session of the commands: a volume and its transfer function on a graphics device.
 
 use super::{
     DeviceTransfer, DisabledOptimizations, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows,
@@ -14,22 +14,22 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Volume and transfer function on one device.
+/// Rendering session: a volume and its transfer function on one graphics device.
 pub struct Session {
-    /// Device and pipelines; sessions may share them.
+    /// Renderer with the graphics device and its pipelines; several sessions may share it.
     pub renderer: Arc<Renderer>,
-    /// Volume, on the host and on the device.
+    /// Volume of the session, on the host and on the graphics device.
     pub loaded: LoadedVolume,
-    /// Transfer function on the device.
+    /// Transfer function of the session on the graphics device.
     pub transfer: DeviceTransfer,
 }
 
 impl Session {
-    /// Opens the adapter (`--adapter`), uploads the volume and makes the tables; `forced` is what is done although the
-    /// scene does not need it (`--no-skip`).
+    /// Opens a session: opens the graphics adapter (`--adapter`), uploads a volume, and makes the tables of its
+    /// transfer function. `forced` holds the optimizations that are disabled (`--no-skip`).
     ///
     /// # Errors
-    /// No adapter, or a volume that it cannot hold.
+    /// There is no adapter, or it cannot hold the volume.
     pub fn open(
         adapter: Option<&str>,
         volume: Arc<Volume>,
@@ -39,10 +39,10 @@ impl Session {
         Self::on(&Arc::new(Renderer::new(Gpu::open(adapter)?)), volume, tf, forced)
     }
 
-    /// Uploads the volume and makes the tables on an open renderer.
+    /// Opens a session on an open renderer: uploads a volume, and makes the tables of its transfer function.
     ///
     /// # Errors
-    /// A volume that it cannot hold.
+    /// The adapter cannot hold the volume.
     pub fn on(
         renderer: &Arc<Renderer>,
         volume: Arc<Volume>,
@@ -54,13 +54,13 @@ impl Session {
         Ok(Self { renderer: Arc::clone(renderer), loaded, transfer })
     }
 
-    /// Adds the strands that the volume was made from.
+    /// Adds the strands (hair or fibres) from which the session's volume was voxelised.
     #[must_use]
     pub fn with_strands(self, strands: Option<Arc<VoxelisedStrands>>) -> Self {
         Self { loaded: self.loaded.with_strands(strands), ..self }
     }
 
-    /// Makes the tables and classifies the bricks again.
+    /// Makes the device tables of a transfer function, and classifies the volume's bricks again.
     ///
     /// # Errors
     /// See [`Renderer::transfer`].
@@ -68,15 +68,15 @@ impl Session {
         self.renderer.transfer(&self.loaded, tf, self.transfer.disabled)
     }
 
-    /// Whether a scene needs a shadow structure, or why not.
+    /// Decides whether a scene needs a shadow map, or why not.
     ///
     /// # Errors
-    /// The reason why not.
+    /// Returns the reason why the scene needs no shadow map.
     pub fn needs_shadows(&self, scene: &Scene) -> std::result::Result<(), &'static str> {
         needs_shadows(scene, &self.loaded.volume, &self.transfer)
     }
 
-    /// Builds a shadow structure that is valid at every point.
+    /// Builds the shadow map of one light; it can be queried at every point of the volume.
     ///
     /// # Errors
     /// See [`Renderer::shadow`].
@@ -84,7 +84,7 @@ impl Session {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
     }
 
-    /// Builds the shadow structure of one light for the picture of a scene.
+    /// Builds the shadow map of one light for the picture of a scene.
     ///
     /// # Errors
     /// See [`Renderer::shadow`].
@@ -93,7 +93,8 @@ impl Session {
         self.renderer.shadow_in(&self.loaded, &self.transfer, method, (scene, light), view.as_ref())
     }
 
-    /// Builds the shadow structure of each light that shines for the picture of a scene, in their order.
+    /// Builds the shadow maps of all lights that are not black, for the picture of a scene, in the order of the
+    /// lights.
     ///
     /// # Errors
     /// See [`Renderer::shadow`].
@@ -102,7 +103,7 @@ impl Session {
         self.renderer.shadows_in(&self.loaded, &self.transfer, method, scene, view.as_ref())
     }
 
-    /// Renders a picture.
+    /// Renders a picture of a scene with the given shadow maps.
     ///
     /// # Errors
     /// See [`Renderer::render`].
@@ -110,7 +111,7 @@ impl Session {
         self.renderer.render(&self.loaded, &self.transfer, shadows, scene)
     }
 
-    /// Transmittance from the light to world points (mm).
+    /// Returns the transmittance from the light to world points (mm), queried from a shadow map.
     ///
     /// # Errors
     /// See [`Renderer::query`].
@@ -118,7 +119,7 @@ impl Session {
         self.renderer.query(&self.loaded, &self.transfer, shadow, points_mm)
     }
 
-    /// Nodes per texel of a deep shadow map.
+    /// Returns the number of curve nodes in each texel of a deep shadow map; `None` for other shadow methods.
     ///
     /// # Errors
     /// See [`node_map`].
@@ -126,7 +127,8 @@ impl Session {
         node_map(self.renderer.kernels(), &self.transfer, shadow)
     }
 
-    /// Depths of the nodes of texels of a deep shadow map.
+    /// Returns the depths (mm) of the curve nodes in the given texels of a deep shadow map; `None` for other shadow
+    /// methods.
     ///
     /// # Errors
     /// See [`node_depths`].

@@ -1,9 +1,9 @@
-//! Constants that the rendering shaders share with the host.
+//! Numeric constants that the rendering shaders share with the host.
 
 use crate::field::LINE_THREADS;
 use crate::gpu::Constant;
 
-/// Threads a side of a workgroup that works on pictures.
+/// Number of threads per side of a workgroup that processes pixels of a picture.
 pub const PICTURE_SIDE: u32 = 8;
 
 pub const CONSTANTS: &[Constant] = &[
@@ -14,7 +14,7 @@ pub const CONSTANTS: &[Constant] = &[
     Constant::float("GLOSS", 32.0),
 ];
 
-/// Workgroups for a part of a picture.
+/// Returns the number of workgroups along each axis that cover a part of a picture of `width x height` pixels.
 pub fn picture_workgroups(width: u32, height: u32) -> [u32; 3] {
     [width.div_ceil(PICTURE_SIDE), height.div_ceil(PICTURE_SIDE), 1]
 }

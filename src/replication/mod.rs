@@ -1,4 +1,5 @@
-//! Replication studies: the quantitative claims of the methods' papers, and the stability suite.
+//! Replication studies: tests of the quantitative claims in the papers of the shadow methods, and a stability suite
+//! of extreme cases.
 
 pub mod claims;
 pub mod stability;
@@ -22,7 +23,7 @@ mod tests {
         for (file, csv) in written {
             assert_eq!(header(csv.unwrap()), SideTable::names(file).collect::<Vec<_>>().join(","), "{file}");
         }
-        // The other two have columns of the comparison.
+        // The other two tables share columns with the comparison table.
         assert_eq!(SIDE_TABLES.len(), 3 + 2);
         for name in SideTable::names("budgets.csv").chain(SideTable::names("trials.csv")) {
             let own = ["budget", "by", "rank"].contains(&name);

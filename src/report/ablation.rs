@@ -1,9 +1,9 @@
-//! Markdown report of the time and memory that skipped work saves.
+//! Markdown report of an ablation: the time and memory that skipping unnecessary work saves.
 
 use super::tables::escape_markdown;
 use crate::measure::ablate::Ablation;
 
-/// Markdown of the rows: each figure without the step and with it.
+/// Markdown table of an ablation: times and memory of each shadow method without and with one optimization.
 pub fn markdown(rows: &[Ablation]) -> String {
     let Some(first) = rows.first() else {
         return "No plan skipped a step that `--no-skip` enables.\n".into();

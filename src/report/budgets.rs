@@ -1,8 +1,8 @@
-//! Closest method within each budget, from the rows of a table.
+//! Ranks shadow methods by error within each memory or time budget, from the rows of the comparison table.
 //!
-//! Any row of the scene takes part, tuned or not, with what it needs when measured in full. Within bytes, rows without
-//! a structure do not: they would win at any size. A method stands for its closest row; the closest method is the
-//! winner, the next one the runner-up.
+//! All rows of a scene are ranked, tuned or not, by their memory or time in the full measurement. In memory budgets,
+//! rows without a shadow map are excluded: they would win every budget. Only the most accurate row of each shadow
+//! method is ranked.
 
 use super::number::significant;
 use super::writers::{side_table_csv, write_files};
@@ -13,19 +13,20 @@ use itertools::Itertools as _;
 use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 
-/// Ranking of methods for one scene, budget and error.
+/// Ranking of shadow methods for one scene, one memory or time budget and one error measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer<'a> {
-    /// Budget that rows must stay within.
+    /// Memory or time budget that the ranked table rows must not exceed.
     pub budget: Budget,
-    /// Error to minimise.
+    /// Error measure by which shadow methods are ranked, smallest error first.
     pub by: By,
-    /// The closest row of each method with its error, the closest method first; empty where no row is within the budget.
+    /// Most accurate table row of each shadow method within the budget, with its error, smallest error first. The
+    /// list is empty if no row is within the budget.
     pub ranked: Vec<(&'a Row, f64)>,
 }
 
-/// The answers of every scene, adapter and picture size, budget by budget, each by both errors; none where no row was
-/// tuned.
+/// Returns rankings of shadow methods for every scene, adapter, picture size, budget and error measure. The list is
+/// empty if no table row was tuned for a budget.
 pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
     let budgets = budgets_of(rows);
     let mut answers = Vec::new();
@@ -54,13 +55,13 @@ fn takes_part(row: &Row, budget: Budget) -> bool {
     stores && !row.has_failed() && budget.holds(row)
 }
 
-/// Sort key: smaller error first; of equal errors, the row that needs less of the budget.
+/// Sort key of a ranked table row: smaller error first; of equal errors, the row that uses less of the budget.
 fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
     (error, budget.need(row).unwrap_or(f64::INFINITY))
 }
 
-/// A line each answer: the winner, and by how much the runner-up is behind it. `name` says a row's method and settings,
-/// and its scene where there are several.
+/// Returns one text line for each ranking within a budget: the most accurate shadow method and its error ratio to the
+/// next one. `name` returns the name of a table row: method, settings, and the scene if there are several.
 pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     let said = |answer: Answer| {
         let Answer { budget, by, ranked } = answer;
@@ -89,7 +90,7 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     answers(rows).into_iter().filter_map(said).collect()
 }
 
-/// Row of `budgets.csv`: a row of the table with its answer and its rank in it.
+/// Row of `budgets.csv`: a row of the comparison table with its budget, error measure and rank.
 struct Ranked<'a> {
     row: &'a Row,
     answer: &'a Answer<'a>,
@@ -102,11 +103,11 @@ impl Borrow<Row> for Ranked<'_> {
     }
 }
 
-/// Writes `budgets.csv`, every method's closest row within each budget by rank, and `trials.csv`, what searches tried, into
-/// a folder that exists, where anything was searched; returns their paths.
+/// Writes `budgets.csv` (ranking of shadow methods within each budget) and `trials.csv` (settings tried by the
+/// search) into an existing folder. Writes nothing if no budget was searched. Returns the paths of the written files.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file cannot be written.
 pub fn write_budgets(rows: &[Row], trials: &[Row], folder: &Path) -> Result<Vec<PathBuf>> {
     let answers = answers(rows);
     if answers.is_empty() && trials.is_empty() {

@@ -1,4 +1,4 @@
-//! A drawing in points: an SVG document, and that same document as pixels and as a PDF file.
+//! Vector drawing for plots and figures, with sizes in points; exports SVG, PNG and PDF.
 
 use crate::error::{Error, Result};
 use crate::files::color::srgb8_from_linear;
@@ -13,21 +13,21 @@ use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
 use std::sync::{Arc, LazyLock};
 
-/// A colour, sRGB.
+/// 8-bit sRGB colour of a plot element.
 pub type Rgb = [u8; 3];
 
-/// Letters.
+/// Text colour of plots and figures.
 pub const BLACK: Rgb = [0, 0, 0];
-/// Lines and small text.
+/// Colour of lines and small text in plots and figures.
 pub const INK: Rgb = [40, 40, 40];
-/// The ground.
+/// Default background colour of plots and figures.
 pub const WHITE: Rgb = [255, 255, 255];
 
-/// `x` to the right, `y` down, points.
+/// Position on the page of a drawing, in points: `x` to the right, `y` down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point(pub f64, pub f64);
 
-/// A rectangle, points.
+/// Axis-aligned rectangle on the page of a drawing, in points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(missing_docs, reason = "its sides are their names")]
 pub struct Rect {
@@ -38,41 +38,41 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Rectangle with a centre and half sides.
+    /// Creates a rectangle from its centre, half width and half height, in points.
     pub fn around(center: Point, half_width: f64, half_height: f64) -> Self {
         let Point(x, y) = center;
         Self { left: x - half_width, top: y - half_height, right: x + half_width, bottom: y + half_height }
     }
 
-    /// Centre of the rectangle.
+    /// Returns the centre of a rectangle on the page of a drawing.
     pub fn middle(&self) -> Point {
         Point(0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom))
     }
 
-    /// Moves every side inwards.
+    /// Moves every side of a rectangle inwards by a distance in points; a negative distance enlarges the rectangle.
     pub fn inset(&self, by: f64) -> Self {
         Self { left: self.left + by, top: self.top + by, right: self.right - by, bottom: self.bottom - by }
     }
 
-    /// Clockwise from the upper left.
+    /// Returns the corners of a rectangle on the page of a drawing, clockwise from the upper left.
     pub fn corners(&self) -> [Point; 4] {
         let Self { left, top, right, bottom } = *self;
         [Point(left, top), Point(right, top), Point(right, bottom), Point(left, bottom)]
     }
 
-    /// Square points.
+    /// Returns the area of a rectangle on the page of a drawing, in square points.
     pub fn area(&self) -> f64 {
         (self.right - self.left) * (self.bottom - self.top)
     }
 
-    /// Area of the intersection.
+    /// Returns the area of the intersection of two rectangles on the page of a drawing, in square points.
     pub fn overlap(&self, other: &Self) -> f64 {
         let width = self.right.min(other.right) - self.left.max(other.left);
         let height = self.bottom.min(other.bottom) - self.top.max(other.top);
         width.max(0.0) * height.max(0.0)
     }
 
-    /// Whether another rectangle lies within this one.
+    /// Returns whether a rectangle on the page of a drawing contains another one completely.
     pub fn holds(&self, other: &Self) -> bool {
         other.left >= self.left
             && other.right <= self.right
@@ -80,31 +80,32 @@ impl Rect {
             && other.bottom <= self.bottom
     }
 
-    /// Whether a point lies within the rectangle.
+    /// Returns whether a rectangle on the page of a drawing contains a point.
     pub fn contains(&self, p: Point) -> bool {
         (self.left..=self.right).contains(&p.0) && (self.top..=self.bottom).contains(&p.1)
     }
 }
 
-/// Part of a text at its position; vertically it is always the middle of the digits.
+/// Horizontal alignment of a text relative to its position in a drawing (SVG `text-anchor`). Vertically, the position
+/// is always at half the height of a digit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Anchor {
-    /// Start of the text.
+    /// Text alignment in a drawing: the text starts at its position.
     Start,
-    /// Middle of the text.
+    /// Text alignment in a drawing: the text is centred at its position.
     Middle,
-    /// End of the text.
+    /// Text alignment in a drawing: the text ends at its position.
     End,
 }
 
-/// Resolution of [`Drawing::bitmap`], pixels per point.
+/// Default resolution at which a [`Drawing`] becomes a bitmap, pixels per point.
 pub const PIXELS_PER_POINT: u32 = 2;
-/// The family as SVG viewers see it; pixels are drawn in its first, which is compiled in.
+/// Font family of a drawing in SVG. Bitmaps and PDF files use its first font, which is compiled into the program.
 const FONT_FAMILY: &str = "Ubuntu, Helvetica, Arial, sans-serif";
-/// Half the height of a digit, in font sizes.
+/// Half the height of a digit, as a fraction of the font size.
 const HALF_DIGIT: f64 = 0.35;
 
-/// Shapes on a page, later ones over earlier ones, and pictures under them all.
+/// Drawing of one page: vector shapes in drawing order, with raster pictures behind all shapes.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     width: f64,
@@ -115,12 +116,12 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// An empty white page of a size in points.
+    /// Creates an empty drawing with a white background; width and height are in points.
     pub fn new(width: f64, height: f64) -> Self {
         Self { width, height, ground: WHITE, shapes: String::new(), pictures: Vec::new() }
     }
 
-    /// Width and height of the page, points.
+    /// Width and height of the drawing's page, points.
     pub fn size(&self) -> [f64; 2] {
         [self.width, self.height]
     }
@@ -135,12 +136,12 @@ impl Drawing {
         self.shapes += &shape.into_string();
     }
 
-    /// A path of straight lines.
+    /// Draws a path of straight line segments in a drawing; the line width is in points.
     pub fn line(&mut self, points: &[Point], width: f64, color: Rgb) {
         self.stroke(points, width, color, None);
     }
 
-    /// A path in dashes and gaps of these lengths, which run on around corners.
+    /// Draws a dashed path with the given dash and gap lengths in points; the pattern continues around corners.
     pub fn dashed(&mut self, path: &[Point], width: f64, color: Rgb, [dash, gap]: [f64; 2]) {
         self.stroke(path, width, color, Some(format!("{dash} {gap}")));
     }
@@ -152,23 +153,23 @@ impl Drawing {
         });
     }
 
-    /// The sides of a rectangle.
+    /// Draws the outline of a rectangle.
     pub fn outline(&mut self, r: Rect, width: f64, color: Rgb) {
         let [a, b, c, d] = r.corners();
         self.line(&[a, b, c, d, a], width, color);
     }
 
-    /// Fills the interior of a closed path.
+    /// Fills the interior of a polygon with a colour.
     pub fn polygon(&mut self, points: &[Point], color: Rgb) {
         self.add(html! { polygon points=(list(points)) fill=(hex(color)) {} });
     }
 
-    /// Letters of a size, points.
+    /// Draws a horizontal text with a font size in points.
     pub fn text(&mut self, at: Point, anchor: Anchor, size: f64, color: Rgb, text: &str) {
         self.letters(at, anchor, size, color, text, None);
     }
 
-    /// Text that reads upwards, centred at its place.
+    /// Draws a text that is rotated to read upwards and centred at its position.
     pub fn rotated_text(&mut self, at: Point, size: f64, color: Rgb, text: &str) {
         let turn = format!("rotate(-90 {} {})", short(at.0), short(at.1));
         self.letters(at, Anchor::Middle, size, color, text, Some(turn));
@@ -188,7 +189,7 @@ impl Drawing {
             Anchor::Middle => "middle",
             Anchor::End => "end",
         };
-        // XML has no control characters.
+        // XML does not allow control characters.
         let text = text.replace(char::is_control, "\u{fffd}");
         self.add(html! {
             text x=(short(at.0)) y=(short(at.1 + HALF_DIGIT * size)) text-anchor=(anchor) font-size=(size)
@@ -196,17 +197,18 @@ impl Drawing {
         });
     }
 
-    /// A picture, stretched over its place.
+    /// Adds a raster picture to the drawing, stretched to fill the rectangle `place`.
     pub fn picture(&mut self, place: Rect, picture: RgbImage) {
         self.pictures.push((place, picture));
     }
 
-    /// The page as an SVG document without its pictures, or as an element of another document that says what it is `about`.
+    /// Returns the drawing as an SVG document without its raster pictures. With `about` it is an SVG element for an
+    /// HTML page, and `about` is its accessible label.
     pub fn svg(&self, about: Option<&str>) -> Markup {
         self.document(about, html! { rect width="100%" height="100%" fill=(hex(self.ground)) {} })
     }
 
-    /// The shapes over something.
+    /// Returns an SVG document with the shapes of the drawing over the given background markup.
     fn document(&self, about: Option<&str>, under: Markup) -> Markup {
         html! {
             svg xmlns="http://www.w3.org/2000/svg" width=(self.width) height=(self.height)
@@ -218,15 +220,16 @@ impl Drawing {
         }
     }
 
-    /// The page as a bitmap of [`PIXELS_PER_POINT`].
+    /// Renders the drawing as a bitmap at the default resolution [`PIXELS_PER_POINT`].
     ///
     /// # Errors
-    /// A page too large for any picture.
+    /// The drawing is too large for a bitmap.
     pub fn bitmap(&self) -> Result<RgbImage> {
         self.bitmap_of(f64::from(PIXELS_PER_POINT))
     }
 
-    /// The page as a bitmap of so many pixels a point; its pictures are fitted to their places.
+    /// Renders the drawing as a bitmap at a resolution in pixels per point; raster pictures are resampled to their
+    /// rectangles.
     ///
     /// # Errors
     /// See [`Self::bitmap`].
@@ -242,7 +245,7 @@ impl Drawing {
         for (Rect { left, top, right, bottom }, picture) in &self.pictures {
             let [left, top, right, bottom] = [left, top, right, bottom].map(|side| pixel(*side));
             let (wide, high) = ((right - left).max(1), (bottom - top).max(1));
-            // Enlarged, a pixel stays one; made smaller, none is dropped.
+            // Enlarging keeps sharp pixels; reducing averages all pixels.
             let filter = if wide >= picture.width() { FilterType::Nearest } else { FilterType::Triangle };
             let fitted = imageops::resize(picture, wide, high, filter);
             imageops::replace(&mut under, &fitted, left.into(), top.into());
@@ -258,7 +261,7 @@ impl Drawing {
         RgbImage::from_raw(width, height, opaque).ok_or_else(|| failed(&"it is too large"))
     }
 
-    /// [`Self::bitmap`] as a PNG file.
+    /// Returns the drawing as the bytes of a PNG file, at the default resolution [`PIXELS_PER_POINT`].
     ///
     /// # Errors
     /// See [`Self::bitmap`].
@@ -268,10 +271,11 @@ impl Drawing {
 }
 
 impl Drawing {
-    /// The page as a PDF file of one page, its letters text in an embedded font and its pictures with every pixel.
+    /// Returns the drawing as the bytes of a one-page PDF file. Text stays text in an embedded font, and raster
+    /// pictures keep every pixel.
     ///
     /// # Errors
-    /// A page that cannot be converted.
+    /// The drawing cannot be converted.
     pub fn pdf(&self) -> Result<Vec<u8>> {
         let failed = |e: &dyn std::fmt::Display| Error::runtime("cannot draw", "PDF", e);
         let mut options = svg2pdf::usvg::Options::default();
@@ -292,7 +296,7 @@ impl Drawing {
     }
 }
 
-/// A coordinate to a hundredth of a point.
+/// Rounds a coordinate of a drawing to 0.01 points.
 fn short(x: f64) -> f64 {
     (100.0 * x).round() / 100.0
 }
@@ -311,9 +315,9 @@ static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
     Arc::new(fonts)
 });
 
-/// Width of a text in points.
+/// Width of a text in points at a font size, in the font of the plots.
 pub fn text_width(text: &str, size: f64) -> f64 {
-    // It is compiled in and known to be a font.
+    // The font is compiled in and valid.
     let Ok(font) = FontRef::new(epaint_default_fonts::UBUNTU_LIGHT) else { return 0.0 };
     let (letters, widths) =
         (font.charmap(), font.glyph_metrics(Size::new(size as f32), LocationRef::default()));
@@ -321,10 +325,10 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(|c| f64::from(width(c))).sum()
 }
 
-/// A picture as a PNG file.
+/// Encodes an 8-bit RGB picture as the bytes of a PNG file.
 ///
 /// # Errors
-/// The encoder's own.
+/// The PNG encoder fails.
 pub fn encode_png(picture: &RgbImage) -> Result<Vec<u8>> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture
@@ -333,7 +337,7 @@ pub fn encode_png(picture: &RgbImage) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Converts a linear RGBA picture to 8-bit sRGB, as in its PNG file.
+/// Converts a linear RGBA picture to an 8-bit sRGB picture without its opacity channel.
 pub fn srgb_picture(picture: &Array3<f32>) -> RgbImage {
     let (height, width, _) = picture.dim();
     RgbImage::from_fn(width as u32, height as u32, |column, row| {

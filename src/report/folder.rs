@@ -1,4 +1,4 @@
-//! The folder of a table: whose it is, so that no table is lost in silence and no two mix.
+//! Output folder of a comparison table: refuses to overwrite an earlier table by accident or to mix two tables.
 
 use super::names::RUN;
 use super::run::{RowRecord, Run};
@@ -7,22 +7,22 @@ use crate::files::output::write_whole;
 use crate::measure::journal::JOURNAL;
 use std::path::{Component, Path};
 
-/// Treatment of a table that the output folder already holds.
+/// Treatment of an earlier comparison table that the output folder already contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// An existing table is an error.
+    /// Treats an existing table in the output folder as an error.
     New,
-    /// The run resumes it, so scenes and settings must be the same.
+    /// Resumes the existing table in the output folder; scenes and settings must be equal.
     Resume,
-    /// Files of the existing table are removed, and no others.
+    /// Removes the files of the existing table in the output folder, and no other files.
     Overwrite,
 }
 
 impl Run {
-    /// The record of a folder; `None` where there is none.
+    /// Reads the run description `run.json` of a table's folder; returns `None` if the file does not exist.
     ///
     /// # Errors
-    /// One that cannot be read.
+    /// The file exists but cannot be read.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(RUN);
         let refuse = |why: String| {
@@ -36,10 +36,10 @@ impl Run {
         }
     }
 
-    /// Writes the record.
+    /// Writes the run description `run.json` into a table's folder.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(RUN);
         let text = serde_json::to_string_pretty(self)
@@ -47,11 +47,11 @@ impl Run {
         write_whole(&path, |file| writeln!(file, "{text}"))
     }
 
-    /// Refuses a folder whose table would be lost, or mixed with this one. Changes nothing. A folder that is missing or
-    /// holds no table is none such.
+    /// Returns an error if writing this table into a folder would lose an earlier table or mix the two. Accepts a
+    /// missing folder and a folder without a table; changes no file.
     ///
     /// # Errors
-    /// That, as a fault of the command line.
+    /// Input error: the folder contains a table that must not be overwritten.
     pub fn check(&self, folder: &Path, start: Start) -> Result<()> {
         let place = folder.display();
         let earlier = Self::read(folder)?;
@@ -80,7 +80,8 @@ impl Run {
         }
     }
 
-    /// Reason why this run cannot resume an earlier one's table, if any; its rounds may be more.
+    /// Reason why this run cannot resume the table of an earlier run, if any. The number of timing repeats may
+    /// differ.
     fn differs_from(&self, earlier: &Self) -> Option<String> {
         if !earlier.merged.is_empty() {
             return Some("its table was merged from several".into());
@@ -101,7 +102,7 @@ impl Run {
                 "its rows are tuned within {budget}, which is not among the requested budgets"
             ));
         }
-        // What a search chooses follows from the budgets.
+        // Rows that a budget search added follow from the budgets.
         let lost = |row: &&RowRecord| {
             let requested = row.here && !row.chosen;
             requested && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
@@ -110,11 +111,12 @@ impl Run {
         Some(format!("{} is among its rows and not among the requested ones", row.method))
     }
 
-    /// Starts: removes what an earlier run wrote here, if that is requested, and writes the record and what the table is
-    /// made from. `tf_texts` are the transfer functions' files, scene by scene.
+    /// Prepares the output folder of a comparison: removes files of an earlier run if requested, then writes
+    /// `run.json`, the scene files and the transfer functions. `tf_texts` has the text of each scene's
+    /// transfer-function file.
     ///
     /// # Errors
-    /// A file that cannot be removed or written.
+    /// A file cannot be removed or written.
     pub fn begin(&mut self, folder: &Path, start: Start, tf_texts: &[Option<String>]) -> Result<()> {
         let earlier = Self::read(folder)?;
         if let Some(earlier) = earlier.as_ref().filter(|_| start == Start::Overwrite) {
@@ -122,7 +124,7 @@ impl Run {
         }
         self.again = self.command_again(folder);
         self.files = self.file_names();
-        // Rows that a search chose are not foreseen, and their files are there.
+        // Rows that a budget search added are not planned, but their files exist.
         let earlier_files =
             earlier.filter(|_| start == Start::Resume).map_or_else(Vec::new, |earlier| earlier.files);
         let more: Vec<String> = earlier_files.into_iter().filter(|name| !self.files.contains(name)).collect();
@@ -140,10 +142,11 @@ impl Run {
         Ok(())
     }
 
-    /// Removes the files of the run from its folder, but for the journal, which is open.
+    /// Removes the result files of an earlier run from its folder, except the journal of measured rows, which is
+    /// open, and `run.json`.
     fn remove_files(&self, folder: &Path) -> Result<()> {
         for name in self.files.iter().filter(|name| *name != JOURNAL && *name != RUN) {
-            // Whatever the record says, nothing outside the folder is touched.
+            // Never removes files outside the folder, whatever `run.json` lists.
             let mut parts = Path::new(name).components();
             if !matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) {
                 continue;

@@ -1,5 +1,5 @@
-//! Figure of all pictures of a scene side by side: method and settings above each picture, errors and costs below, and one
-//! colour bar.
+//! Figure that shows the pictures of all shadow methods for one scene side by side. Method and settings are above
+//! each picture, errors and costs below, and one colour bar is at the bottom.
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, srgb_picture, text_width};
 use super::heat::{bar_height, colour_bar, false_colour};
@@ -9,50 +9,55 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use ndarray::{Array2, Array3};
 
-/// Largest height of the figure, points; it is lower if the pictures need less at full width.
+/// Largest height of the figure that shows all pictures of a scene, points. It is lower if the pictures need less
+/// height at full width.
 const MOST_HEIGHT: f64 = 650.0;
-/// Pictures are no narrower, or their settings could not be read.
+/// Smallest width of a picture in the figure of all pictures, points, so that its settings stay readable.
 const LEAST_CELL: f64 = 64.0;
-/// Largest width of a picture, points, as in a single row of two.
+/// Largest width of a picture in the figure of all pictures, points.
 const MOST_CELL: f64 = 220.0;
-/// Smallest width of a picture as a share of its column's, where pictures are narrowed to limit their height.
+/// Smallest ratio of picture width to column width in the figure of all pictures, where pictures are narrowed to
+/// limit its height.
 const MOST_NARROWED: f64 = 0.85;
-/// Height by width beyond which pictures may be narrower than their columns, so that all stand on a page.
+/// Ratio of height to width above which pictures may be narrower than their columns, so that the figure fits on a
+/// page.
 const UPRIGHT: f64 = 1.2;
-/// Largest height of a picture, points.
+/// Largest height of a picture in the figure of all pictures, points.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
-/// Between a picture and its difference.
+/// Gap between a picture and its difference image below it in the figure of all pictures, points.
 const SEAM: f64 = 2.0;
 const NAME: f64 = 8.5;
 const TEXT: f64 = 7.0;
 const LINE: f64 = 8.6;
-/// Height of the colour bar alone.
+/// Height of the colour bar without its labels in the figure of all pictures, points.
 const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
-/// Pixels a point of the PNG file: enough for 300 dpi, and for the pictures as they are where that is less.
+/// Smallest and largest resolution of the PNG file with the figure of all pictures, pixels per point. The largest is
+/// about 300 dpi.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
-/// Upper limit on the pixels of the whole PNG file, for figures with very many pictures.
+/// Largest number of pixels of the PNG file with the figure of all pictures.
 const MOST_PIXELS: f64 = 1e8;
 
-/// A picture with what is said above and below it.
+/// Entry of the figure of all pictures: the picture of one shadow method with its captions.
 #[derive(Debug, Clone)]
 pub struct GridCell<'a> {
-    /// The method.
+    /// Name of the shadow method that drew the picture.
     pub name: String,
-    /// Settings of the method, `key=value` each.
+    /// Settings of the shadow method, each as `key=value`.
     pub settings: Vec<String>,
-    /// Times, memory and errors of the method, a line each.
+    /// Times, memory and error of the shadow method, one text line each, printed below its picture.
     pub figures: Vec<String>,
-    /// `height x width x 4`, linear RGBA.
+    /// Pixels of the picture that a shadow method drew: `height x width x 4`, linear RGBA.
     pub picture: &'a Array3<f32>,
-    /// `height x width`, not negative; none where the picture is what others differ from.
+    /// Absolute difference of each pixel from the reference picture: `height x width`, not negative. `None` for the
+    /// reference itself.
     pub difference: Option<&'a Array2<f32>>,
 }
 
 impl<'a> GridCell<'a> {
-    /// Creates the entry for a row of the table.
+    /// Creates an entry of the figure of all pictures for a row of the comparison table.
     pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
         let map = row.map.map(|map| format!("map={map}"));
         let settings =
@@ -67,19 +72,20 @@ impl<'a> GridCell<'a> {
         Self { name: row.method.clone(), settings, figures, picture, difference }
     }
 
-    /// Creates the entry for the reference picture, where the table has no row of it.
+    /// Creates an entry of the figure of all pictures for the reference picture (`rays`), where the table has no such
+    /// row.
     pub fn reference(picture: &'a Array3<f32>) -> Self {
         let settings = vec!["(not in the table)".into()];
         Self { name: "rays".into(), settings, figures: Vec::new(), picture, difference: None }
     }
 
-    /// Lines of settings no wider than `width`, broken where a setting ends.
+    /// Settings of the shadow method as text lines of at most `width` points, broken only between settings.
     fn lines(&self, width: f64) -> Vec<String> {
         wrapped(self.settings.iter().cloned(), ", ", width)
     }
 }
 
-/// Lines no wider than `width`, broken between pieces, which are joined by a separator.
+/// Joins words or settings with a separator into text lines of at most `width` points.
 fn wrapped(pieces: impl Iterator<Item = String>, separator: &str, width: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for piece in pieces {
@@ -92,11 +98,11 @@ fn wrapped(pieces: impl Iterator<Item = String>, separator: &str, width: f64) ->
     lines
 }
 
-/// The figure as a PNG and as a PDF file, `width` points wide: black is no difference, the end of the colour bar is `max`, which
-/// `label` says the meaning of. The PDF file has every pixel of every picture, and text is text.
+/// Draws the figure of all pictures, `width` points wide, and returns it as PNG and as PDF. Black is zero difference,
+/// and the colour bar ends at `max`. `label` is the title of the colour bar.
 ///
 /// # Errors
-/// The drawing backend's own.
+/// The figure cannot be drawn or encoded.
 pub fn files(shown: &[GridCell], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
     let (drawing, wide) = figure(shown, width, max, label);
     let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
@@ -105,29 +111,30 @@ pub fn files(shown: &[GridCell], width: f64, max: f32, label: &str) -> Result<[V
     Ok([png, drawing.pdf()?])
 }
 
-/// Resolution of the PNG file, pixels per point, for pictures whose own resolution is `own`.
+/// Resolution of the PNG file with the figure of all pictures, pixels per point. `own` is the resolution at which
+/// each picture keeps its own pixels.
 fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
     let [least, most] = PIXELS_PER_POINT;
     own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
 }
 
-/// Layout of the figure.
+/// Layout of the figure that shows the pictures of all shadow methods.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
-    /// Width of the page, points.
+    /// Width of the figure of all pictures, points.
     width: f64,
     across: usize,
-    /// Width of a column, points.
+    /// Width of a column in the figure of all pictures, points.
     cell: f64,
-    /// Width and height of a picture, points.
+    /// Width and height of one picture in the figure of all pictures, points.
     picture: [f64; 2],
-    /// Lines of settings in each row of pictures.
+    /// Number of text lines with settings above each row of pictures, in the figure of all pictures.
     lines: Vec<usize>,
 }
 
 impl Layout {
-    /// Layout with the widest pictures that leaves few places empty and fits on a page; otherwise one that is higher
-    /// than a page.
+    /// Layout of the figure of all pictures with the widest pictures that fit on a page and leave few empty places;
+    /// otherwise a layout higher than a page.
     fn of(shown: &[GridCell], width: f64) -> Self {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
@@ -145,13 +152,14 @@ impl Layout {
         })
     }
 
-    /// Layout with a number of pictures per row; `None` if they would be too narrow.
+    /// Layout of the figure of all pictures with a given number of pictures per row; `None` if it cannot fit on a
+    /// page with readable pictures.
     fn across(shown: &[GridCell], width: f64, across: usize) -> Option<Self> {
         let (column, shape) = (column(width, across), shape(shown));
         let upright = shape > UPRIGHT;
         let (mut cell, mut high) =
             (column, if upright { (column * shape).min(MOST_HIGH) } else { column * shape });
-        // Narrower columns may have more lines above them.
+        // Narrower columns may need more lines of settings.
         for _ in 0..8 {
             if cell < LEAST_CELL.max(MOST_NARROWED * column) || upright && high < LEAST_CELL {
                 break;
@@ -173,12 +181,13 @@ impl Layout {
         None
     }
 
-    /// Height of the captions above a row of pictures, points.
+    /// Height of the captions above a row of pictures in the figure of all pictures, points.
     fn above(&self, row: usize) -> f64 {
         NAME + 3.0 + LINE * self.lines[row] as f64
     }
 
-    /// Height of a row of pictures with its captions, differences and figures, and the gap to the next row, points.
+    /// Height of one row in the figure of all pictures, points: captions, pictures, difference images, text lines
+    /// below them, and the gap to the next row.
     fn row_height(&self, shown: &[GridCell], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
         self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
@@ -190,12 +199,12 @@ impl Layout {
     }
 }
 
-/// Width of a column where so many share the page.
+/// Width of a column in the figure of all pictures, points, for a number of columns on the page.
 fn column(width: f64, across: usize) -> f64 {
     ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
 }
 
-/// Ratio of a picture's height to its width, equal for all pictures of a scene.
+/// Ratio of height to width of a rendered picture, equal for all pictures of a scene.
 fn shape(shown: &[GridCell]) -> f64 {
     let dims = shown.first().map_or((1, 1), |s| (s.picture.dim().0, s.picture.dim().1));
     dims.0 as f64 / dims.1.max(1) as f64
@@ -206,7 +215,8 @@ fn lines(shown: &[GridCell], across: usize, cell: f64) -> Vec<usize> {
     shown.chunks(across).map(most).collect()
 }
 
-/// Lines of the legend that explains the figures under the pictures; empty where there are no figures.
+/// Text lines of the legend that explains the times, memory and errors below the pictures; empty if no picture has
+/// any.
 fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     if shown.iter().all(|s| s.figures.is_empty()) {
         return Vec::new();
@@ -216,7 +226,7 @@ fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     wrapped(words.split(' ').map(str::to_owned), " ", width)
 }
 
-/// Draws the figure; returns it with the width of its pictures in points.
+/// Draws the figure of all pictures. Returns the drawing and the width of a picture in points.
 fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
     let (cell, picture) = (layout.cell, layout.picture);
@@ -231,7 +241,7 @@ fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f6
         }
         top += layout.row_height(shown, row);
     }
-    // Numbers below its ends reach beyond them.
+    // The numbers below the colour bar extend beyond its ends.
     let half = 0.5 * used.max(200.0).min(width) - 16.0;
     let bar = Rect { left: 0.5 * width - half, top, right: 0.5 * width + half, bottom: top + BAR };
     colour_bar(&mut drawing, bar, max, &shorten(label.into(), TEXT, width), TEXT);
@@ -242,8 +252,8 @@ fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f6
     (drawing, picture[0])
 }
 
-/// Draws one picture, `wide` and `high`, with all that belongs to it: the column's width is `cell`, and what stands `above` it
-/// so high.
+/// Draws one entry of the figure of all pictures: captions, picture, difference image and text lines below. `cell` is
+/// the column width, `above` the height of the captions, `wide` and `high` the size of the picture.
 fn put(
     drawing: &mut Drawing,
     s: &GridCell,

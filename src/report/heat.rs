@@ -1,4 +1,4 @@
-//! False-colour pictures of errors, with a legend.
+//! False-colour images of errors and differences, with a colour bar as legend.
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, Rect, encode_png, text_width};
 use super::number::significant;
@@ -6,18 +6,19 @@ use crate::error::Result;
 use image::{Rgb, RgbImage};
 use ndarray::Array2;
 
-/// Colour of NaN values, distinct from every colour of the error scale.
+/// Colour of NaN values in false-colour images, distinct from every colour of the `inferno` colour map.
 const NOT_A_NUMBER: Rgb<u8> = Rgb([0, 255, 0]);
 
-/// The scale's colour for a share of its length; beyond its ends that of the end. It is `inferno` (Smith and van der Walt
-/// 2015), whose lightness rises evenly, so equal steps of error look equal, also in grey print and to colour-blind
-/// readers, and black is no error.
+/// Returns the colour of the `inferno` colour map (Smith and van der Walt 2015) at a position from 0 to 1. Positions
+/// outside are clamped. Its lightness rises evenly, so equal steps of error look equal, also in grey print and to
+/// colour-blind readers. Black is zero error.
 pub fn inferno(share: f64) -> Rgb<u8> {
     Rgb(colorous::INFERNO.eval_continuous(share).as_array())
 }
 
-/// A `height x width` picture of `values` from 0 (black) to `max` (pale yellow); larger ones are shown as `max`,
-/// NaN in green. Where `max` is not positive, every positive value is shown as the largest.
+/// Converts an array of errors, `height x width`, to a false-colour image from 0 (black) to `max` (pale yellow).
+/// Larger values are shown as `max`, NaN in green. If `max` is not positive, every positive value has the colour of
+/// `max`.
 pub fn false_colour(values: &Array2<f32>, max: f32) -> RgbImage {
     let (height, width) = values.dim();
     RgbImage::from_fn(width as u32, height as u32, |column, row| {
@@ -27,14 +28,14 @@ pub fn false_colour(values: &Array2<f32>, max: f32) -> RgbImage {
         } else if value <= 0.0 {
             inferno(0.0)
         } else {
-            // A `max` of 0 makes this infinite, which is the end of the scale.
+            // A `max` of 0 gives infinity, the end of the colour map.
             inferno(f64::from(value) / f64::from(max.max(0.0)))
         }
     })
 }
 
-/// A `max` for [`false_colour`] that reads well in a legend: the largest finite value, up to 1, 2 or 5 times a
-/// power of ten; 1 where there is none above 0.
+/// Returns the upper end of a colour bar for an array of errors: the largest finite value, rounded up to 1, 2 or 5
+/// times a power of ten. Returns 1 if no value is above 0.
 pub fn round_max(values: &Array2<f32>) -> f32 {
     let largest = values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
     if largest <= 0.0 {
@@ -49,17 +50,17 @@ pub fn round_max(values: &Array2<f32>) -> f32 {
 const LEGEND_HEIGHT_PX: u32 = 98;
 const LEGEND_MIN_WIDTH_PX: u32 = 420;
 
-/// The picture with a legend below it: the scale from 0 to `max` with numbers, and `label` saying what it shows.
-/// A picture narrower than the legend is centred over it.
+/// Adds a colour bar from 0 to `max` with numbers below a false-colour image. `label` is the title of the bar. An
+/// image narrower than the legend is centred over it.
 ///
 /// # Errors
-/// The drawing backend's own.
+/// The image cannot be drawn or encoded.
 pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage> {
     let points = |px: u32| f64::from(px) / f64::from(PIXELS_PER_POINT);
     let width = points(picture.width().max(LEGEND_MIN_WIDTH_PX));
     let (wide, high) = (points(picture.width()), points(picture.height()));
     let mut page = Drawing::new(width, high + points(LEGEND_HEIGHT_PX));
-    // Whole pixels, so that the picture is shown as it is.
+    // Whole pixels, so that the picture is not resampled.
     let left = points(((width - wide) / points(1) / 2.0) as u32);
     page.picture(Rect { left, top: 0.0, right: left + wide, bottom: high }, picture.clone());
     let bar = Rect { left: 24.0, top: high + 6.0, right: width - 24.0, bottom: high + 17.0 };
@@ -67,13 +68,13 @@ pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage
     page.bitmap()
 }
 
-/// The scale of [`false_colour`] from 0 to `max`, below it numbers and `label` in letters of a size; all that takes
-/// [`bar_height`] from the bar's top on, and little more than its width.
+/// Draws the colour bar of a false-colour image from 0 to `max`, with numbers and the title `label` below it. `size`
+/// is the font size in points. The total height is [`bar_height`].
 pub(super) fn colour_bar(drawing: &mut Drawing, bar: Rect, max: f32, label: &str, size: f64) {
     let Rect { left, top, right, bottom } = bar;
     const STEPS: u32 = 256;
     for i in 0..STEPS {
-        // To the end, and covered by the next: two edges side by side would let the ground through.
+        // Each step extends to the end and is covered by the next one: adjacent edges would show the background.
         let step = Rect { left: left + (right - left) * f64::from(i) / f64::from(STEPS), top, right, bottom };
         let Rgb(color) = inferno((f64::from(i) + 0.5) / f64::from(STEPS));
         drawing.polygon(&step.corners(), color);
@@ -93,12 +94,12 @@ pub(super) fn colour_bar(drawing: &mut Drawing, bar: Rect, max: f32, label: &str
     drawing.text(below, Anchor::Middle, size, BLACK, label);
 }
 
-/// Height of [`colour_bar`] with what is said below it.
+/// Height of a colour bar together with the numbers and the title below it, points.
 pub(super) fn bar_height(bar_height: f64, size: f64) -> f64 {
     bar_height + 2.6 * size
 }
 
-/// A number without zeros at the end of its decimals.
+/// Removes trailing zeros from the decimals of a number.
 fn trimmed(number: &str) -> String {
     let (mantissa, exponent) = number.find('e').map_or((number, ""), |at| number.split_at(at));
     let short =
@@ -106,10 +107,11 @@ fn trimmed(number: &str) -> String {
     format!("{short}{exponent}")
 }
 
-/// `values` in false colour with a legend as a PNG file.
+/// Returns an array of errors as a false-colour PNG file with a colour bar from 0 to `max`; `label` is the title of
+/// the bar.
 ///
 /// # Errors
-/// The drawing backend's own.
+/// The image cannot be drawn or encoded.
 pub fn heat_map_png(values: &Array2<f32>, max: f32, label: &str) -> Result<Vec<u8>> {
     encode_png(&with_legend(&false_colour(values, max), max, label)?)
 }

@@ -1,4 +1,4 @@
-//! Finished measurement with its pictures, from which the files of a table are written.
+//! Finished measurement of a comparison with its pictures, from which tables, plots and reports are written.
 
 use super::run::{RowRecord, Run};
 use crate::measure::ablate::Ablation;
@@ -6,32 +6,34 @@ use crate::measure::comparison::Comparison;
 use crate::measure::table::Row;
 use ndarray::Array3;
 
-/// The picture by `rays` that a scene's differences are from, where none of its rows is one.
+/// Reference picture of a scene, drawn by `rays` (one shadow ray per sample), for scenes whose table has no such row.
+/// Difference images of the other shadow methods are relative to it.
 #[derive(Debug, Clone)]
 pub struct ReferencePicture {
-    /// The scene's name.
+    /// Name of the scene that the reference picture shows.
     pub scene: String,
-    /// Name of the adapter whose rows are compared with this reference.
+    /// Name of the graphics adapter whose table rows are compared with this reference picture.
     pub adapter: String,
-    /// `height x width x 4`, linear RGBA.
+    /// Pixels of the reference picture: `height x width x 4`, linear RGBA.
     pub pixels: Array3<f32>,
 }
 
-/// A comparison of which everything is measured and nothing written but the journal.
+/// Measured comparison of shadow methods whose result files, except the journal and its pictures, are not yet
+/// written.
 #[derive(Default)]
 pub struct Made {
-    /// Rows, pictures, notes and failures of all scenes.
+    /// Table rows, pictures, notes and failures of all scenes of the comparison.
     pub comparison: Comparison,
-    /// Description of the run.
+    /// Description of the run that measured the comparison, as in `run.json`.
     pub run: Run,
-    /// Reference pictures of the scenes without a row of `rays`.
+    /// Reference pictures of the scenes that have no table row of `rays`.
     pub references: Vec<ReferencePicture>,
-    /// Ablation rows, if an ablation was requested.
+    /// Rows of the ablation table (cost of each optimization), if an ablation was requested.
     pub ablations: Option<Vec<Ablation>>,
 }
 
 impl Made {
-    /// Records the rows as they have come to be, where that is not as they were foreseen.
+    /// Updates the list of rows in the run description if the measured table rows differ from the planned ones.
     pub fn record_rows(&mut self) {
         let scene = |row: &Row| self.run.scenes.iter().position(|s| s.name == row.scene);
         let found: Vec<RowRecord> = self

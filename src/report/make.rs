@@ -1,5 +1,5 @@
-//! Comparison of methods on scenes: measurement, then tables, plots, pictures and the report in a folder. The command line,
-//! the window and Python use it; [`merge`](super::merge) starts from measured rows.
+//! Compares shadow methods on scenes: measures them, then writes tables, plots, pictures and the HTML report into a
+//! folder. The command line, the window and Python use it; [`merge`](super::merge) starts from measured rows.
 
 mod files;
 mod page;
@@ -29,56 +29,59 @@ use page::{program_conditions, scene_conditions, write_page};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Methods and budgets to measure on every scene.
+/// Shadow methods and budgets to measure on every scene of a comparison.
 pub struct Order<'a> {
-    /// A row each, scene by scene. A scene that has none is not even read.
+    /// Shadow methods to measure on each scene, one table row each. A scene with an empty list is not read.
     pub methods: &'a [Vec<Box<dyn Method>>],
-    /// Budgets within which each method's settings are tuned, for further rows.
+    /// Memory and time budgets within which the settings of each shadow method are tuned; each budget adds table
+    /// rows.
     pub budgets: &'a [Budget],
-    /// Remark on how rows are timed; may be empty.
+    /// Note on how the rows of the comparison table are timed; may be empty.
     pub remark: &'a str,
 }
 
-/// Volume, transfer function and scene that a scene's rows are measured on.
+/// Input of one scene of a comparison: volume, transfer function, camera and lights.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// The voxels.
+    /// Voxel grid that the scene renders.
     pub volume: Arc<Volume>,
-    /// Transfer function applied to the voxels.
+    /// Transfer function that maps voxel values to colour and extinction.
     pub tf: TransferFunction,
-    /// Strands that the volume was voxelised from, if any.
+    /// Strands (curves such as hair or fibres) from which the volume was voxelised, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Camera, lights, and size of the picture.
+    /// Camera, lights, picture size and other picture settings of the scene.
     pub scene: Scene,
-    /// Disabled optimizations: work done although the scene does not need it.
+    /// Optimizations to disable, so that unnecessary work is done for measurements.
     pub forced: DisabledOptimizations,
 }
 
-/// The files of a comparison.
+/// Paths of the files that a comparison of shadow methods has written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Files {
-    /// `compare.csv` and its like, and `columns.md`.
+    /// Paths of the comparison tables `compare.csv`, `compare.json`, `compare.md` and `compare.tex`, and of
+    /// `columns.md`.
     pub tables: Vec<PathBuf>,
-    /// Error against time and memory.
+    /// Paths of the plots of error against time and against memory.
     pub plots: Vec<PathBuf>,
-    /// Pictures and difference images of each row, and grids of all pictures side by side.
+    /// Paths of the picture and difference image of each table row, and of the figures of all pictures side by side.
     pub pictures: Vec<PathBuf>,
-    /// `report.html`.
+    /// Path of the HTML report `report.html`.
     pub report: PathBuf,
-    /// Tables of the ablation; empty unless it was requested.
+    /// Paths of the ablation tables; empty unless an ablation was requested.
     pub ablations: Vec<PathBuf>,
-    /// Tables of the trials within budgets and of the most accurate method in each; empty without budgets.
+    /// Paths of the tables for budgets: settings tried by the search, and the ranking of shadow methods; empty
+    /// without budgets.
     pub budgets: Vec<PathBuf>,
-    /// Remarks on output that could not be written as requested.
+    /// Remarks on result files that could not be written as requested.
     pub remarks: Vec<String>,
 }
 
-/// Measures every method on every scene of `run`, each read when its turn comes. A scene among several that the device
-/// cannot hold is failed rows.
+/// Measures every shadow method on every scene of a comparison, and reads each scene just before its measurement. If
+/// the device cannot hold one of several scenes, that scene's table rows are marked as failed.
 ///
 /// # Errors
-/// A scene that cannot be read, a single one that the device cannot hold, a journal that cannot be written to, or it was
-/// ended on request; what is measured is in the journal then.
+/// A scene cannot be read, the device cannot hold the only scene, the journal cannot be written, or the user
+/// cancelled the comparison. The journal then contains the rows measured so far.
 pub fn make(
     order: &Order,
     run: &Run,
@@ -130,9 +133,9 @@ pub fn make(
 }
 
 impl Made {
-    /// Measures a scene, and what is shown of it beyond its rows: nodes, counted on maps built once more outside all
-    /// timing, and where no row is `rays` a picture by it to show differences from. What fails of these is a note. Gives
-    /// how many rows there are: those of `methods`, and what searches within budgets chose besides.
+    /// Measures the shadow methods on one scene and returns the number of table rows, tuned ones included. It also
+    /// counts the curve nodes of deep shadow maps, and draws a reference picture if no row is `rays`. Failures of
+    /// these two become notes.
     fn add(
         &mut self,
         job: &Job,
@@ -178,14 +181,14 @@ impl Made {
         Ok(rows)
     }
 
-    /// Writes `compare.csv` and all the other files into a folder that exists, each whole or not at all, and last the
-    /// record that says so.
+    /// Writes all result files of a comparison into an existing folder; each file appears only when it is complete.
+    /// The run description `run.json` is written last and marks the folder as finished.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// A file cannot be written.
     pub fn write(mut self, folder: &Path, layout: &Layout) -> Result<Files> {
         self.record_rows();
-        // Before any of them is there: a run that is ended here can be removed whole.
+        // Written before any result file, so that all files of an interrupted run can be removed.
         self.run.write(folder)?;
         let rows = self.comparison.rows();
         let (tables, remarks) = write_tables(&rows, folder, &self.run, layout)?;
@@ -208,7 +211,7 @@ impl Made {
     }
 }
 
-/// The picture by a shadow ray per sample.
+/// Renders the reference picture of a scene with one shadow ray per sample.
 fn reference(job: &Job) -> Result<ReferencePicture> {
     let shadows = job.session.shadows_of(&ShadowRays::default(), job.scene)?;
     let pixels = job.session.render(&shadows, job.scene)?.pixels;
@@ -216,7 +219,8 @@ fn reference(job: &Job) -> Result<ReferencePicture> {
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
 }
 
-/// Node map of a row's structure; `None` without nodes or with several lights.
+/// Counts the curve nodes of a deep shadow map in each texel; `None` for shadow maps without nodes or with several
+/// lights.
 fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
     match job.scene.shining()[..] {
         [source] if compared.row.nodes_total.is_some() => {
@@ -227,7 +231,7 @@ fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<N
     }
 }
 
-/// Volume and transfer function in a few words: `CT_AVM, CT bone`.
+/// Short scene name from volume and transfer function, for example `CT_AVM, CT bone`.
 pub fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
     let source = &volume.provenance.source;
     let file = source.rsplit(['/', '\\']).next().unwrap_or(source);

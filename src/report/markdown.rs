@@ -1,17 +1,17 @@
-//! Markdown tables whose source lines up.
+//! Writes Markdown tables with aligned columns in the source text.
 
-/// Alignment of a column.
+/// Alignment of a column in a Markdown table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Align {
-    /// Left, for texts.
+    /// Left alignment of a Markdown table column, for text.
     Left,
-    /// Right, for numbers.
+    /// Right alignment of a Markdown table column, for numbers.
     Right,
-    /// Centred; the source is aligned to the right.
+    /// Centre alignment of a Markdown column; its source text is aligned to the right.
     Middle,
 }
 
-/// Lines of a table with a heading and an alignment for each column.
+/// Returns a Markdown table with a heading and an alignment for each column; columns are aligned in the source text.
 pub fn aligned_table(headings: &[(String, Align)], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| &row[column]).chain([&headings[column].0]);

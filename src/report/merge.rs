@@ -1,7 +1,8 @@
-//! Shards put together: folders of one sweep become one table, without measuring anything.
+//! Merges the result folders of one comparison that was measured in parts (shards) into one table, without new
+//! measurements.
 //!
-//! They must agree in program, scenes (setting by setting, and by the SHA-256 of what was read), effort and budgets. Rows from
-//! several adapters stay apart: each adapter has its own front, plots and scale.
+//! The folders must agree in program, scenes (settings, and SHA-256 of input files), number of samples and budgets.
+//! Rows of several graphics adapters are not mixed: each adapter has its own Pareto front, plots and colour scale.
 
 use super::Start;
 use super::made::{Made, ReferencePicture};
@@ -23,28 +24,28 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const WHAT: &str = "cannot merge";
-/// Number of missing rows that an error names.
+/// Largest number of missing table rows that the error message names.
 const MOST_NAMED: usize = 3;
 
-/// A folder that is read.
+/// Result folder that is merged into a larger table.
 struct Part {
     folder: PathBuf,
     run: Run,
-    /// Measured rows of this folder, in the order of their records.
+    /// Measured rows of the folder's comparison table, in the order of the run description.
     rows: Vec<Row>,
-    /// Trials of the folder's searches within budgets.
+    /// Settings that searches within budgets tried in this folder, as table rows.
     trials: Vec<Row>,
 }
 
-/// Tables that have been put together, not yet written.
+/// Comparison merged from several result folders and not yet written.
 pub struct Merged {
     made: Made,
-    /// Files to be taken over, and what they are called.
+    /// Picture files to copy from the merged folders, with their new names.
     copies: Vec<(PathBuf, String)>,
     tf_texts: Vec<Option<String>>,
 }
 
-/// A row of the merged table, and where it is from.
+/// Row of the merged comparison table, and the folder from which it comes.
 struct Place<'a> {
     part: &'a Part,
     record: &'a RowRecord,
@@ -52,16 +53,18 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// Scene and method.
+    /// Scene index and shadow method that identify a row of the merged table.
     fn wanted(&self) -> (usize, &'a str) {
         (self.record.scene, &self.record.method)
     }
 }
 
-/// Reads folders and puts their rows together; with `partial`, rows that none of them has may be missing.
+/// Reads result folders and merges their comparison tables. With `partial`, rows that no folder contains may be
+/// missing.
 ///
 /// # Errors
-/// A folder that holds no finished table, two that do not belong together, a row that is in two of them or in none.
+/// A folder contains no finished table, two folders are not from one comparison, or a row is in two folders or in
+/// none.
 pub fn merge(folders: &[PathBuf], partial: bool) -> Result<Merged> {
     let parts = folders.iter().map(|folder| Part::read(folder)).collect::<Result<Vec<_>>>()?;
     let [first, others @ ..] = &parts[..] else {
@@ -106,14 +109,14 @@ impl Part {
             return Err(Error::input(WHAT, table.display(), "its rows are not those that run.json names"));
         }
         let trials = folder.join("trials.csv");
-        // The file does not exist where nothing was tuned.
+        // `trials.csv` does not exist if nothing was tuned.
         let tuned = !run.budgets.is_empty() && trials.is_file();
         let trials = if tuned { read_rows(&trials)? } else { Vec::new() };
         Ok(Self { folder: folder.into(), run, rows, trials })
     }
 }
 
-/// Reads the rows of a CSV file with columns of the comparison.
+/// Reads the rows of a comparison table from a CSV file.
 fn read_rows(path: &Path) -> Result<Vec<Row>> {
     let broken = |why: &dyn fmt::Display| Error::input(WHAT, path.display(), why);
     let mut reader = csv::Reader::from_path(path).map_err(|e| broken(&e))?;
@@ -124,7 +127,8 @@ fn read_rows(path: &Path) -> Result<Vec<Row>> {
     reader.deserialize().map(row).collect()
 }
 
-/// Refuses what is of another program, other scenes, another effort or another driver of the same adapter.
+/// Returns an error if two result folders differ in program, scenes, number of samples, budgets or driver of the same
+/// adapter.
 fn agree(first: &Part, other: &Part) -> Result<()> {
     let (a, b) = (&first.run, &other.run);
     let refuse = |why: String| {
@@ -150,7 +154,8 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
     Ok(())
 }
 
-/// The rows in the order of the sweep: scene by scene, and in each adapter by adapter.
+/// Sorts the rows of all merged folders by scene, then by adapter, then by shadow method. Returns an error if two
+/// folders contain one row.
 fn places<'a>(parts: &'a [Part], adapters: &[String], wanted: &[(usize, &str)]) -> Result<Vec<Place<'a>>> {
     let of = |part: &'a Part| {
         let records = part.run.rows.iter().filter(|r| r.here);
@@ -171,7 +176,7 @@ fn places<'a>(parts: &'a [Part], adapters: &[String], wanted: &[(usize, &str)]) 
     }
 }
 
-/// The merged table of rows in their order.
+/// Builds the merged comparison from sorted table rows: run description, notes, pictures and files to copy.
 fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: usize) -> Result<Merged> {
     let mut run = parts[0].run.clone();
     run.shard = None;
@@ -223,14 +228,14 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     Ok(merged)
 }
 
-/// Merges the measurement conditions of all parts; differing values of a condition are joined with semicolons.
+/// Merges the measurement conditions of all folders; differing values of a condition are joined with semicolons.
 fn conditions(parts: &[Part]) -> Vec<(String, String)> {
     let all = || parts.iter().flat_map(|p| &p.run.conditions);
     let values = |name| all().filter(|(n, _)| n == name).map(|(_, value)| value).unique().join("; ");
     all().map(|(name, _)| name).unique().map(|name| (name.clone(), values(name))).collect()
 }
 
-/// The transfer functions' files, scene by scene, from whichever folder has them.
+/// Text of each scene's transfer-function file, from the first folder that has it.
 fn tf_texts(parts: &[Part]) -> Result<Vec<Option<String>>> {
     let of = |i: usize, file: &str| {
         let text = parts.iter().find_map(|p| fs::read_to_string(p.folder.join(file)).ok());
@@ -241,7 +246,8 @@ fn tf_texts(parts: &[Part]) -> Result<Vec<Option<String>>> {
     scenes.map(|(i, s)| if s.tf_file.is_empty() { Ok(None) } else { of(i, &s.tf_file).map(Some) }).collect()
 }
 
-/// Fills where pictures differ from that by `rays` of the same scene and adapter: a row, or what a part has drawn for it.
+/// Computes the difference of each merged picture from the reference picture (`rays`) of its scene and adapter. The
+/// reference is a table row or a picture file of a merged folder.
 fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
     let group = |c: &Compared| (c.row.scene.clone(), c.row.adapter.clone());
     let compared = &mut made.comparison.compared;
@@ -267,12 +273,12 @@ fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
 }
 
 impl Merged {
-    /// Rows of the merged table, in order.
+    /// Rows of the merged comparison table, in order.
     pub fn rows(&self) -> Vec<Row> {
         self.made.comparison.rows()
     }
 
-    /// The rows as `compare.json` has them.
+    /// Returns the rows of the merged comparison table as the text of `compare.json`.
     ///
     /// # Errors
     /// See [`table_json`].
@@ -280,18 +286,18 @@ impl Merged {
         table_json(&self.rows(), &self.made.run)
     }
 
-    /// Refuses an output folder that holds a table, unless that is to go.
+    /// Returns an error if the output folder already contains a table that `start` does not allow to overwrite.
     ///
     /// # Errors
-    /// That, as a fault of the command line.
+    /// Input error: the folder contains a table.
     pub fn check(&self, folder: &Path, start: Start) -> Result<()> {
         self.made.run.check(folder, start)
     }
 
-    /// Writes the table with all that belongs to it into a folder that exists.
+    /// Writes the merged table with its plots, pictures and report into an existing folder.
     ///
     /// # Errors
-    /// A file that cannot be read or written.
+    /// A file cannot be read or written.
     pub fn write(mut self, folder: &Path, start: Start, layout: &Layout) -> Result<Files> {
         self.made.run.begin(folder, start, &self.tf_texts)?;
         for (from, name) in &self.copies {

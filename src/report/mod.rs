@@ -1,11 +1,11 @@
-//! Tables, figures and reports from measured rows.
+//! Writes tables, figures and reports from the measured rows of a comparison of shadow methods.
 //!
-//! [`mod@make`] orders the comparison of one or several scenes and writes a folder: every column as CSV and JSON
-//! ([`writers`]), Markdown and LaTeX for reading ([`tables`]) with what is closest within [`budgets`], error
-//! against time and memory ([`plot`]), where pictures differ ([`heat`]), all of it with the figures of [`nodes`]
-//! in one file ([`mod@html`]), and a [`grid`] of all pictures for a paper; all of that is drawn on a [`canvas`]. [`run`] says how it was
-//! made, and [`mod@merge`] puts shards together. [`ablation`] and [`mod@stability`] write up the other two
-//! tables.
+//! [`mod@make`] measures a comparison of one or several scenes and writes a result folder. The folder contains every
+//! column as CSV and JSON ([`writers`]), readable tables as Markdown and LaTeX ([`tables`]) with the most accurate
+//! shadow method within each budget ([`budgets`]), plots of error against time and memory ([`plot`]), difference
+//! images ([`heat`]), a figure of all pictures ([`grid`]), and one HTML report with all of these and the figures of
+//! [`nodes`] ([`mod@html`]). All figures are drawn on a [`canvas`]. [`run`] describes how the table was measured, and
+//! [`mod@merge`] merges shards. [`ablation`] writes the ablation table.
 
 pub mod ablation;
 pub mod budgets;

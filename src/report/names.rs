@@ -1,50 +1,50 @@
-//! The names of a table's files: all that a run may write into its folder, known before it is written.
+//! File names of a comparison: all names that a run may write into its folder.
 
 use crate::measure::job::file_name_part;
 
-/// Description of the run.
+/// File name of the run description: how the comparison in a folder was measured.
 pub const RUN: &str = "run.json";
 
-/// File name prefix of a scene; empty unless there are several scenes.
+/// File name prefix of one scene's results; empty if the comparison has only one scene.
 pub fn prefix(scene: &str, several: bool) -> String {
     if several { format!("{}_", file_name_part(scene)) } else { String::new() }
 }
 
-/// A picture by a row, or by `rays` as the reference, without its ending.
+/// File name without extension of the picture of one table row; `slug` is the row's part of file names.
 pub fn picture(slug: &str) -> String {
     format!("picture_{slug}")
 }
 
-/// Picture of the differences between a row's picture and the reference.
+/// File name of the difference image between the picture of a table row and the reference picture.
 pub fn difference(slug: &str) -> String {
     format!("difference_{slug}.png")
 }
 
-/// The nodes of a row's texels.
+/// File name of the array of curve nodes per texel, for a table row with a deep shadow map.
 pub fn nodes(slug: &str) -> String {
     format!("nodes_{slug}.npy")
 }
 
-/// The picture by `rays` that differences are from where no row is one, without its ending.
+/// File name without extension of the reference picture by `rays`, for scenes whose table has no such row.
 pub fn reference(prefix: &str) -> String {
     picture(&format!("{prefix}reference"))
 }
 
-/// Figures of all pictures of a scene side by side: for the screen and for a paper.
+/// File names of the figure with all pictures of a scene side by side: PNG for the screen, PDF for a paper.
 pub fn grids(prefix: &str) -> [String; 2] {
     ["png", "pdf"].map(|ending| format!("{prefix}grid.{ending}"))
 }
 
-/// The plots of a scene, without their endings: error against time, and against bytes.
+/// File names without extension of the two plots of a scene: error against time, and error against memory.
 pub fn plots(part: &str) -> [String; 2] {
     let stem = if part.is_empty() { "compare".to_owned() } else { format!("compare_{part}") };
     [stem.clone(), format!("{stem}_bytes")]
 }
 
-/// Endings of a plot's files.
+/// File name extensions of a plot, which is written in each of these formats.
 pub const PLOT_ENDINGS: [&str; 3] = ["png", "svg", "pdf"];
 
-/// File name prefix of a scene and adapter, where there are several adapters.
+/// File name prefix of one scene on one graphics adapter, for comparisons with several adapters.
 pub fn adapter_prefix(prefix: &str, adapter: &str) -> String {
     format!("{prefix}{}_", file_name_part(adapter))
 }

@@ -1,5 +1,5 @@
-//! Figures of a deep shadow map's nodes: the map of nodes per tile (Hadwiger et al. 2006, Figure 5) and the histogram of
-//! nodes per texel.
+//! Figures of the curve nodes stored in a deep shadow map: the largest number per tile (Hadwiger et al. 2006, Figure
+//! 5), and the histogram of nodes per texel.
 
 use super::canvas::{Anchor, Drawing, INK, Rect, Rgb, encode_png};
 use super::heat::{false_colour, with_legend};
@@ -10,14 +10,14 @@ use crate::error::Result;
 use crate::shadow::NodeMap;
 use image::imageops;
 
-/// About the side of the map's picture, pixels.
+/// Approximate side of the picture of curve nodes per tile, pixels.
 const PICTURE_SIDE_PX: usize = 384;
-/// Colour of skipped tiles; no error or number has it.
+/// Colour of skipped tiles in the picture of curve nodes; the `inferno` colour map does not contain it.
 const LEFT_OUT: Rgb = [150, 150, 150];
-/// Largest number of bars; more are combined.
+/// Largest number of bars in the histogram of curve nodes; further node counts share bars.
 const MOST_BARS: usize = 40;
 
-/// Totals of a map in words.
+/// Summary of a deep shadow map's curve nodes in one sentence: total, mean, largest number, and skipped tiles.
 pub fn summary(map: &NodeMap) -> String {
     let histogram = map.histogram();
     let total: u64 = histogram.iter().zip(0..).map(|(texels, nodes)| texels * nodes).sum();
@@ -34,14 +34,14 @@ pub fn summary(map: &NodeMap) -> String {
     )
 }
 
-/// The most nodes of any texel of each tile in false colour with a legend, as a PNG file; skipped tiles are grey.
-/// Texel (0, 0) is at the top left.
+/// Draws the largest number of curve nodes of any texel in each tile of a deep shadow map, as a false-colour PNG
+/// file. Skipped tiles are grey. Texel (0, 0) is at the top left.
 ///
 /// # Errors
-/// The drawing backend's own.
+/// The image cannot be drawn or encoded.
 pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
     let most = map.most_by_tile();
-    // Four equal whole numbers below the legend.
+    // A multiple of 4 gives whole numbers at the four steps of the legend.
     let max = most.iter().copied().max().unwrap_or(0).max(1).next_multiple_of(4) as f32;
     let mut tiles = false_colour(&most.mapv(|n| n as f32), max);
     for ((y, x), stored) in map.stored.indexed_iter() {
@@ -57,7 +57,7 @@ pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
     encode_png(&with_legend(&picture, max, &label)?)
 }
 
-/// Histogram of nodes per texel, relative to all texels whose rays meet extinction.
+/// Draws the histogram of curve nodes per texel of a deep shadow map, in percent of all texels with nodes.
 pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
     const FRAME: Rect = Rect { left: 96.0, top: 20.0, right: 548.0, bottom: 300.0 };
     let mut drawing = Drawing::new(560.0, 360.0);
@@ -74,7 +74,7 @@ pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
         drawing.text(FRAME.middle(), Anchor::Middle, TEXT, INK, "no texel meets anything");
         return drawing;
     }
-    // The first bar is around 1, and a bar's middle stands for its numbers.
+    // The first bar is centred on 1; each bar spans its node counts.
     let last = (shares.len() * nodes_a_bar) as f64 + 0.5;
     let mut x = Axis::linear([0.5, last], FRAME.left, FRAME.right, 10);
     x.ticks.retain(|tick| tick.value.fract() == 0.0);
@@ -89,7 +89,8 @@ pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
     drawing
 }
 
-/// Percent of the texels with nodes that have 1, 2, ... of them, or that many numbers of nodes a bar.
+/// Returns the height of each histogram bar in percent of the texels with curve nodes, and how many node counts share
+/// one bar.
 fn bars(histogram: &[u64]) -> (Vec<f64>, usize) {
     let with_nodes = &histogram[1..];
     let texels: u64 = with_nodes.iter().sum();

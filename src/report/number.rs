@@ -1,6 +1,7 @@
-//! Numbers for reading.
+//! Formats numbers for tables and figures.
 
-/// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.
+/// Formats a number with a given number of significant digits: in decimal notation from 0.001 to 100 000, otherwise
+/// as `1.23e-5`.
 pub fn significant(x: f64, digits: usize) -> String {
     if x == 0.0 {
         return "0".into();
@@ -18,7 +19,7 @@ pub fn significant(x: f64, digits: usize) -> String {
     format!("{x:.decimals$}")
 }
 
-/// A similarity with as many digits as tell it from 1: three of what is missing.
+/// Formats a similarity such as SSIM with enough digits to show three digits of its distance from 1.
 pub fn near_one(x: f64) -> String {
     let missing = (1.0 - x).abs();
     if !missing.is_finite() {

@@ -1,6 +1,7 @@
-//! Figures as PNG, SVG and PDF, all of one drawing.
+//! Plots of error against time and memory, written as PNG, SVG and PDF.
 //!
-//! A method has one colour and one marker in every figure (distinct with any colour vision, and by shape in print).
+//! Each shadow method has one colour and one marker in every plot. They are distinct for colour-blind readers and, by
+//! shape, in grey print.
 
 pub(super) mod axis;
 mod cost;
@@ -22,21 +23,25 @@ use error::figure;
 pub(super) use page::shorten;
 use std::path::{Path, PathBuf};
 
-/// `point_err_rms` and `ray_err_max` against `build_ms + frame_ms`, side by side.
+/// Draws two plots of transmittance error against the time `build_ms + frame_ms`, side by side: rms error at visible
+/// points (`point_err_rms`), and largest error along light rays (`ray_err_max`).
 pub(super) fn error_time(rows: &[Row]) -> Drawing {
     figure(rows, Cost::Time)
 }
 
-/// `point_err_rms` and `ray_err_max` against `bytes`, side by side, for rows that store a structure.
+/// Draws two plots of transmittance error against shadow-map memory, side by side: rms error at visible points
+/// (`point_err_rms`), and largest error along light rays (`ray_err_max`). Shadow methods that store no shadow map are
+/// not shown.
 pub(super) fn error_bytes(rows: &[Row]) -> Drawing {
     figure(rows, Cost::Memory)
 }
 
-/// Writes the plots of error against time and against bytes under two stems, each as PNG with texts by their keys, SVG
-/// and PDF, into a folder that exists, each whole or not at all; returns their paths.
+/// Writes the plots of error against time and against memory into an existing folder, each as PNG, SVG and PDF.
+/// `stems` are the two file names without extension, and `texts` become text chunks of the PNG files. Returns the
+/// paths.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file cannot be written.
 pub fn write_plots(
     rows: &[Row],
     folder: &Path,

@@ -1,7 +1,8 @@
-//! `run.json`: how a folder's table was made, and which files of the folder are its own.
+//! Run description `run.json`: records how the comparison table of a folder was measured and which files belong to
+//! it.
 //!
-//! It is written before anything is measured and again at the end. By it a folder can be run again, shards are known to
-//! be of one sweep, and two runs never mix in a folder.
+//! The file is written before the measurement and again at the end. With it, a table can be measured again, shards of
+//! one comparison can be recognised, and two runs are not mixed in one folder.
 
 use super::names::{self, RUN};
 use crate::measure::compare::slugs;
@@ -16,52 +17,53 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Shards of a sweep are no more than its rows can be.
+/// Upper limit on the number of shards into which one comparison may be split.
 const MAX_SHARDS: u32 = 10_000;
 
-/// A scene, and what it was read from.
+/// Record of one scene of a comparison and of the files that it was read from, as in `run.json`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRecord {
-    /// Scene name in the table.
+    /// Scene name in the comparison table.
     pub name: String,
-    /// The scene file in the folder; empty where there is none.
+    /// File name of the scene file in the result folder; empty if there is none.
     pub file: String,
-    /// Scene file with every setting, defaults included.
+    /// Text of the scene file with every setting, defaults included.
     pub settings: String,
-    /// SHA-256 of the volume's file, or of both of a pair; `None` for one that is built in.
+    /// SHA-256 of the volume's file, or of header and data file together; `None` for a built-in volume (phantom).
     pub volume_sha256: Option<String>,
-    /// The preset, or the file, that the transfer function is from.
+    /// Preset or file from which the transfer function was read.
     pub tf: String,
-    /// The transfer function's file in the folder; empty for a preset.
+    /// File name of the transfer function in the result folder; empty for a preset.
     pub tf_file: String,
-    /// SHA-256 of the transfer function's text, in the volume's units.
+    /// SHA-256 of the transfer function's text, with values in the volume's units.
     pub tf_sha256: String,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the scene's picture, pixels.
     pub size: [u32; 2],
-    /// Number of the only light of this scene, from 1, if the scene is a copy of the scene before it with one light
-    /// (`--each-light`).
+    /// Number of this scene's only light, from 1, if the scene is a copy with one light (`--each-light`); `None`
+    /// otherwise.
     #[serde(default)]
     pub light: Option<u32>,
 }
 
-/// A row of the whole table, whichever shard it is in.
+/// Record of one row of the comparison table, in whichever shard it is measured, as in `run.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowRecord {
-    /// Index of the scene, from 0.
+    /// Index of the scene to which the table row belongs, from 0.
     pub scene: usize,
-    /// `METHOD:key=value,...`.
+    /// Shadow method of the table row with its settings, as `METHOD:key=value,...`.
     pub method: String,
-    /// Part of its files' names.
+    /// Part of the file names of the table row's picture and other files.
     pub slug: String,
-    /// Whether the row is measured in this folder.
+    /// Whether the table row is measured in this folder, not in another shard.
     pub here: bool,
-    /// Whether a search within a budget added it to the requested ones.
+    /// Whether a search within a budget added the table row to the requested ones.
     #[serde(default)]
     pub chosen: bool,
 }
 
 impl RowRecord {
-    /// Whether a measured row has these settings; the scene may have chosen the size of its map.
+    /// Returns whether a measured table row has the recorded method and settings. The scene may have chosen the size
+    /// of its shadow map.
     pub fn is_of(&self, row: &Row) -> bool {
         self.method.parse::<MethodSpec>().is_ok_and(|spec| {
             (spec.entry().name, spec.label()) == (&*row.method, row.params.clone())
@@ -70,17 +72,17 @@ impl RowRecord {
     }
 }
 
-/// One part of a sweep: row `k`, from 0, is in it where `k` modulo `of` is `index - 1`.
+/// Part of a comparison that is measured separately: contains row `k`, from 0, if `k` modulo `of` is `index - 1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Number of the shard, from 1.
+    /// Number of this shard (part of a comparison), from 1.
     pub index: u32,
-    /// Number of shards.
+    /// Number of shards into which the comparison is split.
     pub of: u32,
 }
 
 impl Shard {
-    /// Whether the `k`-th row of the sweep is in it.
+    /// Returns whether the shard (part of a comparison) measures row `k` of the whole table, from 0.
     pub fn holds(self, k: usize) -> bool {
         k % self.of as usize == self.index as usize - 1
     }
@@ -104,56 +106,57 @@ impl fmt::Display for Shard {
     }
 }
 
-/// Description of a table's measurement.
+/// Description of how a comparison table was measured, written as `run.json` beside the table.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// Version of the program.
+    /// Version of the program that measured the comparison table.
     pub version: String,
-    /// Commit that the program was built from.
+    /// Source code commit that the program was built from.
     pub revision: String,
-    /// `release` or `debug`.
+    /// Build profile of the program: `release` or `debug`.
     pub profile: String,
-    /// The command line as it was given.
+    /// Command line with which the user started the comparison, one word per entry.
     pub command: Vec<String>,
-    /// A command line that makes the table again from what is in the folder; run beside it.
+    /// Command line that measures the table again from the scene files in its folder.
     pub again: String,
-    /// Graphics adapter.
+    /// Name of the graphics adapter that measured the table; several are joined with semicolons.
     pub adapter: String,
-    /// Every adapter of a merged table.
+    /// Names of all graphics adapters of a merged table; empty if there is only one.
     pub adapters: Vec<String>,
-    /// Driver of the adapter.
+    /// Driver of the graphics adapter that measured the table.
     pub driver: String,
-    /// Threads of the host's parallel work.
+    /// Number of threads for parallel work on the host.
     pub threads: u32,
-    /// The methods as they were given.
+    /// Shadow methods of the comparison, in the text form of `--methods`.
     pub methods: String,
-    /// Amounts of measurement.
+    /// Numbers of timing repeats, points, light rays and depths of the measurement.
     pub effort: Effort,
-    /// Budgets within which each method's settings were tuned, in the syntax of `--budget`.
+    /// Memory and time budgets within which each shadow method's settings were tuned, in the syntax of `--budget`.
     #[serde(default)]
     pub budgets: Vec<String>,
-    /// Whether omissions were measured as well.
+    /// Whether the cost of each optimization was measured as well (`--ablate`).
     pub ablate: bool,
-    /// `I/N` where the folder holds a part of the sweep.
+    /// Number of this shard and number of all shards as `I/N`; `None` if the folder contains the whole comparison.
     pub shard: Option<String>,
-    /// The folders that a merged table is of.
+    /// Folders from which a merged comparison table was made; empty for a measured table.
     pub merged: Vec<String>,
-    /// Whether every file is there.
+    /// Whether all result files of the comparison have been written.
     pub finished: bool,
-    /// The scenes.
+    /// Records of the scenes on which shadow methods are compared.
     pub scenes: Vec<SceneRecord>,
-    /// Rows of the whole sweep, in order.
+    /// Records of all rows of the comparison table, those of other shards included, in order.
     pub rows: Vec<RowRecord>,
-    /// Names and values that a reader has to know, as the report says them.
+    /// Measurement conditions that the HTML report lists, as names and values.
     pub conditions: Vec<(String, String)>,
-    /// Notes on the measurement.
+    /// Notes for the reader on the measurement of the comparison table.
     pub notes: Vec<String>,
-    /// Every file that the run may have written here.
+    /// Names of all files that the comparison may have written into its result folder.
     pub files: Vec<String>,
 }
 
 impl Run {
-    /// Record of a sweep over scenes on a device; `methods` is the text as given, `parsed` its methods, one a row.
+    /// Creates the run description of a comparison on one graphics adapter. `methods` is the text of `--methods`, and
+    /// `parsed` the shadow methods in it, one table row each.
     pub fn new(
         facts: &Facts,
         effort: Effort,
@@ -194,40 +197,41 @@ impl Run {
         }
     }
 
-    /// Names of the scenes.
+    /// Names of the scenes on which shadow methods are compared, in order.
     pub fn scene_names(&self) -> Vec<String> {
         self.scenes.iter().map(|s| s.name.clone()).collect()
     }
 
-    /// File name prefix of a scene; empty unless there are several scenes.
+    /// File name prefix of one scene's results; empty if the comparison has only one scene.
     pub fn prefix(&self, scene: usize) -> String {
         names::prefix(&self.scenes[scene].name, self.scenes.len() > 1)
     }
 
-    /// File name prefix of a scene's rows on an adapter.
+    /// File name prefix of one scene's results on one graphics adapter.
     pub fn prefix_of(&self, scene: &str, adapter: &str) -> String {
         let prefix = names::prefix(scene, self.scenes.len() > 1);
         if self.adapters.len() > 1 { names::adapter_prefix(&prefix, adapter) } else { prefix }
     }
 
-    /// Text chunks of pictures ([`Self::picture_texts`]) for the scene of a name.
+    /// Metadata for the picture files of a named scene, as keys and texts; see [`Self::picture_texts`].
     pub fn texts_of(&self, scene: &str) -> Vec<(String, String)> {
         let place = self.scenes.iter().position(|s| s.name == scene);
         place.map_or_else(Vec::new, |i| self.picture_texts(i))
     }
 
-    /// Whether each method of the sweep is measured in this shard, scene by scene.
+    /// Returns, for each scene and shadow method, whether this shard (part of a comparison) measures it.
     pub fn methods_here(&self) -> Vec<Vec<bool>> {
         let of = |i| self.rows.iter().filter(|r| r.scene == i).map(|r| r.here).collect();
         (0..self.scenes.len()).map(of).collect()
     }
 
-    /// Number of rows measured in this shard.
+    /// Number of rows of the comparison table that this shard (part of a comparison) measures.
     pub fn count_here(&self) -> usize {
         self.rows.iter().filter(|r| r.here).count()
     }
 
-    /// Keys and texts that a scene's pictures carry.
+    /// Metadata for the picture files of one scene, as keys and texts: program, adapter, scene file and SHA-256 of
+    /// the input.
     pub fn picture_texts(&self, scene: usize) -> Vec<(String, String)> {
         let record = &self.scenes[scene];
         let program = format!("umbravox {}, revision {}", self.version, self.revision);
@@ -243,7 +247,7 @@ impl Run {
         filled.map(|(key, text)| (key.to_owned(), text)).collect()
     }
 
-    /// Every file that the run may write, without repetition.
+    /// Names of all files that the comparison may write into its result folder, without repetition.
     pub fn file_names(&self) -> Vec<String> {
         let mut files: Vec<String> = ["csv", "json", "md", "tex"].map(|e| format!("compare.{e}")).into();
         files.extend([RUN, JOURNAL, "columns.md", "pictures.md", "report.html"].map(String::from));
@@ -269,12 +273,12 @@ impl Run {
         files.into_iter().unique().collect()
     }
 
-    /// Name parts of a scene's plots, one for each adapter: the scene and the adapter, each only if several exist.
+    /// Parts of the file names of the plots for one scene, one part for each graphics adapter.
     fn plot_parts(&self, scene: usize) -> Vec<String> {
         self.prefixes(scene).iter().map(|prefix| prefix.trim_end_matches('_').to_owned()).collect()
     }
 
-    /// File name prefixes of a scene, one for each adapter.
+    /// File name prefixes of one scene's results, one prefix for each graphics adapter.
     fn prefixes(&self, scene: usize) -> Vec<String> {
         let prefix = self.prefix(scene);
         match self.adapters.len() {
@@ -283,7 +287,8 @@ impl Run {
         }
     }
 
-    /// First difference from the sweep of another run, in words; repeats may differ.
+    /// Describes the first difference between two comparisons in scenes or numbers of samples, if any; the numbers of
+    /// timing repeats may differ.
     pub fn sweep_differs(&self, other: &Self) -> Option<String> {
         let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
         if effort(self) != effort(other) {
@@ -292,12 +297,12 @@ impl Run {
         scenes_differ(&self.scenes, &other.scenes)
     }
 
-    /// The command line as a shell takes it.
+    /// Command line that started the comparison, as one text quoted for a shell.
     pub fn command_line(&self) -> String {
         self.command.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
     }
 
-    /// A command line that makes the table again, whole, from the scene files in the folder.
+    /// Returns the command line that measures the whole table again from the scene files in the folder.
     pub(super) fn command_again(&self, folder: &Path) -> String {
         let mut words = vec!["umbravox".to_owned(), "compare".into()];
         let each_light = self.scenes.iter().any(|s| s.light.is_some());
@@ -320,7 +325,7 @@ impl Run {
     }
 }
 
-/// First difference between lists of scenes, in words.
+/// Describes the first difference between two lists of scenes, if any.
 fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String> {
     let names = |scenes: &[SceneRecord]| scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     if names(these) != names(those) {
@@ -334,7 +339,7 @@ fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String>
         if this.tf_sha256 != that.tf_sha256 {
             return Some(format!("the transfer function of its scene {name} has another SHA-256"));
         }
-        // The sums have been compared; a sum that one has not says nothing.
+        // Checksums are already compared; compare the settings line by line.
         let lines = |s: &SceneRecord| s.settings.lines().map(str::to_owned).collect::<Vec<_>>();
         let (this, that) = (lines(this), lines(that));
         let other =
@@ -343,7 +348,7 @@ fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String>
     })
 }
 
-/// A word as a shell takes it.
+/// Quotes a word of a command line for a shell, if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,21 +1,21 @@
-//! Columns of all tables but `compare.csv`: name, unit, and description.
+//! Column names, units and descriptions of all result tables except `compare.csv`.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Table besides the comparison: its file and the meaning of its columns.
+/// Description of a result table other than `compare.csv`: its file and its columns.
 #[derive(Debug, Deserialize)]
 pub struct SideTable {
-    /// Name of the table's file.
+    /// File name of the result table, for example `ablation.csv`.
     pub file: String,
-    /// Description of the table's rows and of the command that writes it.
+    /// Description of the result table's rows and of the command that writes it.
     pub about: String,
-    /// Name, unit and meaning of each column, in order.
+    /// Name, unit and meaning of each column of the result table, in order.
     pub columns: Vec<[String; 3]>,
 }
 
-/// Every one that a command writes, from `side_tables.toml`.
+/// Descriptions of all result tables except `compare.csv`, read from `side_tables.toml`.
 pub static SIDE_TABLES: LazyLock<Vec<SideTable>> = LazyLock::new(|| {
     // A test reads the built-in file.
     let file: Option<BTreeMap<String, Vec<SideTable>>> =
@@ -24,7 +24,7 @@ pub static SIDE_TABLES: LazyLock<Vec<SideTable>> = LazyLock::new(|| {
 });
 
 impl SideTable {
-    /// Names of the columns of a table's file.
+    /// Column names of the result table with a given file name.
     pub fn names(file: &str) -> impl Iterator<Item = &'static str> {
         let table = SIDE_TABLES.iter().find(|table| table.file == file);
         table.into_iter().flat_map(|table| table.columns.iter().map(|[name, ..]| name.as_str()))

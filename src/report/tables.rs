@@ -1,4 +1,4 @@
-//! The table for reading: Markdown and LaTeX, units in the headings, three significant digits.
+//! Readable comparison tables as Markdown and LaTeX, with units in the headings and three significant digits.
 
 mod columns;
 mod latex;
@@ -13,23 +13,24 @@ use crate::measure::table::Row;
 use columns::{SHOWN, TableColumn, chosen, one_line};
 use std::path::{Path, PathBuf};
 
-/// Columns of the tables for reading, and their largest width.
+/// Layout of the readable comparison tables: chosen columns, and width of the LaTeX table and of figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    /// Columns by their names in the CSV file; `None`: a few in LaTeX and on the terminal, most in Markdown.
+    /// Chosen columns by their names in `compare.csv`. With `None`, LaTeX and the terminal show a few columns, and
+    /// Markdown shows most.
     pub columns: Option<Vec<String>>,
-    /// The LaTeX table is no wider, points.
+    /// Largest width of the LaTeX table and width of the figure of all pictures, points.
     pub tex_width_pt: f64,
 }
 
 impl Layout {
-    /// A4 with margins of 2.5 cm: 16 cm of text.
+    /// Default width of the LaTeX table, points: the text width of an A4 page with margins of 2.5 cm.
     pub const TEX_WIDTH_PT: f64 = 455.0;
 
-    /// Columns by their names in the CSV file.
+    /// Returns an error if a chosen column does not exist in `compare.csv` or is chosen twice.
     ///
     /// # Errors
-    /// A name that is no column's.
+    /// A chosen column does not exist, or is listed twice.
     pub fn check(&self) -> Result<()> {
         self.columns.as_deref().map_or(Ok(()), |names| chosen(names).map(|_| ()))
     }
@@ -41,14 +42,14 @@ impl Default for Layout {
     }
 }
 
-/// The main columns of the rows as an aligned Markdown table with a caption, and which method is closest within each
-/// budget that rows were tuned for.
+/// Returns the comparison table's main columns as Markdown with a caption, then the notes of rows and the most
+/// accurate shadow method within each budget.
 pub fn summary(rows: &[Row], layout: &Layout) -> String {
     let few: Vec<TableColumn> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
 }
 
-/// The notes of single rows.
+/// Markdown list of the notes on single rows of the comparison table.
 fn remarks(rows: &[Row]) -> String {
     let mut out = String::new();
     for row in rows.iter().filter(|r| !r.note.is_empty()) {
@@ -63,7 +64,7 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Closest method within each budget that rows were tuned for, as Markdown; empty without budgets.
+/// Markdown list of the most accurate shadow method within each budget; empty without budgets.
 fn answers(rows: &[Row]) -> String {
     let lines = budget_lines(rows);
     if lines.is_empty() {
@@ -73,13 +74,13 @@ fn answers(rows: &[Row]) -> String {
     format!("\nClosest within each budget, settings tuned for it:\n\n{lines}")
 }
 
-/// A line for each budget and error: the closest method and the next one.
+/// Returns one text line for each budget and error measure, with the most accurate shadow method and the next one.
 pub fn budget_lines(rows: &[Row]) -> Vec<String> {
     lines(rows, &|row| full_name(row, rows))
 }
 
-/// The rows as an aligned Markdown table with a caption, with what there is to say about single rows and what was left
-/// out below it.
+/// Returns the comparison table as Markdown with a caption. Notes on single rows and skipped work follow below the
+/// table.
 pub fn markdown(rows: &[Row], layout: &Layout) -> String {
     let mut out = markdown_table(rows, &picked(layout, SHOWN.to_vec()));
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
@@ -113,11 +114,12 @@ fn markdown_table(rows: &[Row], wanted: &[TableColumn]) -> String {
     format!("{}\n\n{}", escape_markdown(&caption), aligned_table(&headings, &cells))
 }
 
-/// Writes `compare.csv`, `compare.json`, `compare.md`, `compare.tex`, and `columns.md`, which says what the columns are,
-/// into a folder that exists, each whole or not at all. Returns their paths, and remarks on what could not be shown as requested.
+/// Writes the comparison table as `compare.csv`, `compare.json`, `compare.md` and `compare.tex`, and its column
+/// descriptions as `columns.md`, into an existing folder. Each file appears only when it is complete. Returns the
+/// paths, and remarks on columns that do not fit.
 ///
 /// # Errors
-/// A column that there is not, or a file that cannot be written.
+/// A chosen column does not exist, or a file cannot be written.
 pub fn write_tables(
     rows: &[Row],
     folder: &Path,
@@ -145,7 +147,7 @@ pub fn write_tables(
     Ok((write_files(folder, files)?, remarks))
 }
 
-/// Description of the measurement and of its repetition.
+/// Text on how the comparison table was measured, with the command line that measures it again.
 fn provenance(run: &Run) -> String {
     let mut out = format!(
         "\nMade by umbravox {}, revision {} ({}), on {} ({}).",
@@ -164,7 +166,7 @@ fn provenance(run: &Run) -> String {
         out += &format!(" Command line:\n\n```\n{}\n```\n", run.command_line());
     }
     if !run.again.is_empty() {
-        // Times decide there, and no two runs have the same.
+        // Time budgets depend on measured times, which differ between runs.
         let timed = run.budgets.iter().any(|budget| budget.starts_with("ms="));
         let but = if timed { " (but for what a search within milliseconds chooses)" } else { "" };
         out += &format!(
@@ -175,25 +177,25 @@ fn provenance(run: &Run) -> String {
     out
 }
 
-/// Columns chosen by a layout, or `otherwise` if it chooses none.
+/// Table columns that a layout chooses, or `otherwise` if it chooses none.
 fn picked(layout: &Layout, otherwise: Vec<TableColumn>) -> Vec<TableColumn> {
-    // Names were checked before; one that is none picks nothing more.
+    // `check` has validated the names; an unknown name selects the default columns.
     let own = layout.columns.as_deref().and_then(|names| chosen(names).ok());
     let Some(own) = own else { return otherwise };
-    // What differs between rows and is not chosen would leave them without a name.
+    // Conditions that differ between rows are added, since rows could not be identified without them.
     let chosen = |s: &TableColumn| own.iter().any(|o| o.name == s.name);
     let conditions = SHOWN.iter().filter(|s| s.caption && s.on_paper && !chosen(s));
     conditions.chain(&own).copied().collect()
 }
 
-/// The few columns of LaTeX and the terminal, or those of the layout: the caption and what is filled.
+/// Returns the caption and the columns of the LaTeX table: those of the layout, or a few default columns.
 fn layout(rows: &[Row], layout: &Layout) -> (String, Vec<TableColumn>) {
     let few = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     filled(rows, &picked(layout, few))
 }
 
-/// The caption of what all rows share, a failed one with nothing there aside, and the other columns that any row has a
-/// value in.
+/// Splits table columns into a caption and visible columns. The caption has the values that all rows share, ignoring
+/// empty cells of failed rows. Columns without any value are dropped.
 fn filled(rows: &[Row], wanted: &[TableColumn]) -> (String, Vec<TableColumn>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
     for s in wanted {
@@ -213,12 +215,12 @@ fn heading(s: &TableColumn) -> String {
     if s.unit.is_empty() { s.heading.to_string() } else { format!("{} [{}]", s.heading, s.unit) }
 }
 
-/// Method and parameters, as one would ask for them.
+/// Shadow method and settings of a table row, as text.
 fn name(row: &Row) -> String {
     if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
 }
 
-/// Method and parameters, with the scene and the map's size where these differ between rows.
+/// Shadow method and settings of a table row, with scene and shadow-map size if these differ between rows.
 fn full_name(row: &Row, rows: &[Row]) -> String {
     let scene =
         if rows.iter().any(|r| r.scene != row.scene) { format!("{}: ", row.scene) } else { String::new() };

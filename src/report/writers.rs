@@ -1,4 +1,4 @@
-//! Rows of any kind as CSV and JSON, and what the columns of a comparison are.
+//! Writes result tables as CSV and JSON, and a description of their columns.
 
 use super::run::Run;
 use super::side_tables::{SIDE_TABLES, SideTable};
@@ -10,15 +10,15 @@ use std::borrow::Borrow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Rows of any kind as CSV with a header line; what was not measured is empty.
+/// Returns the rows of a result table as CSV with a header line; unmeasured values are empty.
 ///
 /// # Errors
-/// The writer's own, which memory does not give.
+/// Serialization fails.
 pub fn csv<T: Serialize>(rows: &[T]) -> Result<Vec<u8>> {
     written(|writer| rows.iter().try_for_each(|row| writer.serialize(row)))
 }
 
-/// Runs `write` on a CSV writer to memory.
+/// Calls the function `write` with a CSV writer and returns the bytes of the CSV file.
 fn written(write: impl FnOnce(&mut csv::Writer<Vec<u8>>) -> csv::Result<()>) -> Result<Vec<u8>> {
     let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -26,18 +26,18 @@ fn written(write: impl FnOnce(&mut csv::Writer<Vec<u8>>) -> csv::Result<()>) -> 
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// Rows of any kind as a JSON array of objects, keys in field order. What was not measured is `null`, and so is an
-/// infinite value, which JSON has not, such as the PSNR of identical pictures.
+/// Returns the rows of a result table as a JSON array of objects, with keys in column order. Unmeasured values are
+/// `null`, and so are infinite ones (for example the PSNR of identical pictures), since JSON has no infinity.
 ///
 /// # Errors
-/// The writer's own, which memory does not give.
+/// Serialization fails.
 pub fn json<T: Serialize>(rows: &[T]) -> Result<String> {
     let text =
         serde_json::to_string_pretty(rows).map_err(|e| Error::runtime("cannot write table", "JSON", e))?;
     Ok(text + "\n")
 }
 
-/// A row of `compare.json`: the columns, and what its scene was read from.
+/// Row of `compare.json`: the columns of the comparison table, scene file and SHA-256 of the scene's input.
 #[derive(Serialize)]
 struct JsonRow<'a> {
     #[serde(flatten)]
@@ -60,7 +60,8 @@ impl<'a> JsonRow<'a> {
     }
 }
 
-/// Rows of a run as JSON ([`json`]), each with its scene file and the SHA-256 of the scene's volume.
+/// Returns the comparison table of a run as JSON, each row with its scene file and the SHA-256 of volume and transfer
+/// function. See [`json`] for the format.
 ///
 /// # Errors
 /// See [`json`].
@@ -68,8 +69,8 @@ pub fn table_json(rows: &[Row], run: &Run) -> Result<String> {
     json(&rows.iter().map(|row| JsonRow::of(row, run)).collect::<Vec<_>>())
 }
 
-/// Table of all columns and rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
-/// the fewest digits that read back as the same number (`inf` for an infinite one).
+/// Returns the comparison table with all columns as CSV. Unmeasured values are empty, flags are `true` or `false`,
+/// and reals have the fewest digits that read back as the same number (`inf` for infinity).
 ///
 /// # Errors
 /// See [`csv()`].
@@ -80,8 +81,8 @@ pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     })
 }
 
-/// Rows as CSV with the columns of a [`SideTable`]: `own` gives the text of a column by its name, and where it gives none the
-/// column is that of the row.
+/// Returns a result table other than `compare.csv` as CSV, with the columns of its [`SideTable`]. `own` returns the
+/// text of a column by its name; where it returns `None`, the value is from the comparison table's row.
 ///
 /// # Errors
 /// See [`csv()`].
@@ -99,11 +100,11 @@ pub(super) fn side_table_csv<T: Borrow<Row>>(
     })
 }
 
-/// Writes files, given by their names and contents, into a folder that exists, each whole or not at all; returns their
-/// paths.
+/// Writes files, given by names and contents, into an existing folder; each file appears only when it is complete.
+/// Returns their paths.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file cannot be written.
 pub(super) fn write_files<N: AsRef<Path>>(
     folder: &Path,
     files: impl IntoIterator<Item = (N, Vec<u8>)>,
@@ -115,7 +116,7 @@ pub(super) fn write_files<N: AsRef<Path>>(
     files.into_iter().map(write).collect()
 }
 
-/// Markdown description of every column of [`table_csv`] and of the side tables.
+/// Returns a Markdown description of every column of `compare.csv` and of the other result tables.
 pub fn columns_markdown() -> String {
     let mut out = String::from(
         "# Columns of compare.csv\n\n\

@@ -1,20 +1,21 @@
-//! Keys that several shadow methods share, with their values.
+//! Settings (keys) that several shadow methods share, with their value types.
 
 use super::settings::{Key, When, choices};
 use crate::field::{MapShape, March};
 
 choices! {
-    /// March of light rays.
+    /// March of light rays: cell by cell and exact, or by samples at regular distances.
     pub enum MarchBy {
-        /// Cell by cell, exactly.
+        /// Marches light rays cell by cell and integrates each cell exactly.
         Cells = "cells",
-        /// Regular samples.
+        /// Marches light rays by samples at regular distances.
         Samples = "samples",
     }
 }
 
 impl MarchBy {
-    /// March with samples at a distance in smallest voxel spacings.
+    /// Returns the march of light rays; `step` is the distance between regular samples in units of the smallest voxel
+    /// spacing.
     pub fn with_step(self, step: f64) -> March {
         match self {
             Self::Cells => March::Cells,
@@ -24,17 +25,18 @@ impl MarchBy {
 }
 
 choices! {
-    /// Occluder that a map is drawn from.
+    /// Occluder from which a shadow map is built: the volume, or the strands that it was made from.
     pub enum DrawnFrom {
-        /// The volume.
+        /// Builds the shadow map from the voxels of the volume.
         Voxels = "voxels",
-        /// The segments of the strands that the volume was made from.
+        /// Builds the shadow map from the line segments of the strands that the volume was made from.
         Lines = "lines",
     }
 }
 
 impl DrawnFrom {
-    /// March through this occluder, with the distance of samples in smallest voxel spacings.
+    /// Returns how light rays are marched through the occluder (volume or strands); `step` is the distance between
+    /// regular samples in units of the smallest voxel spacing.
     pub fn march(self, march: MarchBy, step: f64) -> March {
         match self {
             Self::Voxels => march.with_step(step),
@@ -43,20 +45,20 @@ impl DrawnFrom {
     }
 }
 
-/// Name of the key for the occluder.
+/// Name of the setting that selects the occluder of a shadow map.
 const FROM: &str = "from";
-/// Condition of keys of marches through the volume.
+/// Condition of settings that have no effect where strands cast the shadows (`from=lines`).
 pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
-/// Key for the occluder of a map.
+/// Setting `from`: occluder from which a shadow map is built.
 pub(super) const FROM_KEY: Key = Key::choice(
     DrawnFrom::NAMES,
     "voxels",
     "what casts shadows: the volume, or the strands that it was made from, drawn into the map",
 );
 
-/// Name of the key for the map's size.
+/// Name of the setting for the number of shadow map texels per side.
 pub(super) const MAP: &str = "map";
-/// Key for the size of a map.
+/// Setting `map`: number of shadow map texels per side.
 pub(super) const MAP_KEY: Key = Key::whole_or(
     [1, 8192],
     "auto",
@@ -66,23 +68,24 @@ pub(super) const MAP_KEY: Key = Key::whole_or(
 .search(&["64", "96", "128", "192", "256", "384", "512", "768", "1024"]);
 
 choices! {
-    /// Region that a map covers.
+    /// Region that a shadow map covers: the visible bricks with extinction, or all bricks with extinction.
     pub enum Fit {
-        /// Active bricks that the camera sees.
+        /// Covers the bricks with extinction that the camera sees.
         View = "view",
-        /// All active bricks.
+        /// Covers all bricks of the volume that have extinction.
         Volume = "volume",
     }
 }
 
 impl Fit {
-    /// Shape of a map with so many texels a side (`None`: by the scene).
+    /// Returns the size, coverage and light-ray march of a shadow map with `texels` texels per side (`None`: chosen
+    /// from the scene).
     pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
         MapShape { texels, fits_view: self == Self::View, reach: 1, march }
     }
 }
 
-/// Key for the region that a map covers.
+/// Setting `fit`: region that a shadow map covers.
 pub(super) const FIT_KEY: Key = Key::choice(
     Fit::NAMES,
     "view",
@@ -90,33 +93,33 @@ pub(super) const FIT_KEY: Key = Key::choice(
 );
 
 choices! {
-    /// Interpolation between the texels of a map.
+    /// Interpolation between the texels of a shadow map: nearest or bilinear.
     pub enum Filter {
-        /// The nearest texel.
+        /// Reads the shadow map texel that is nearest to the point.
         Nearest = "nearest",
-        /// The four texels around a point.
+        /// Interpolates between the four shadow map texels around the point.
         Bilinear = "bilinear",
     }
 }
 
 choices! {
-    /// Lookups of light by the samples of an eye ray.
+    /// Sharing of shadow map queries among neighbouring samples of a camera ray.
     pub enum Lookups {
-        /// One lookup for up to four neighbouring samples.
+        /// Makes one transmittance query for up to four neighbouring samples of a camera ray.
         Shared = "shared",
-        /// One lookup for each sample.
+        /// Makes one transmittance query for each sample of a camera ray.
         Each = "each",
     }
 }
 
-/// Name of the key for the march of light rays.
+/// Name of the setting that selects the march of light rays.
 pub(super) const MARCH: &str = "march";
-/// Key for the march of light rays.
+/// Setting `march`: light rays are marched cell by cell or by regular samples.
 pub(super) const MARCH_KEY: Key =
     Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
         .coarse("samples")
         .when(UNLESS_LINES);
-/// Key for the distance of regular samples.
+/// Setting `step`: distance between regular samples along light rays.
 pub(super) const STEP_KEY: Key = Key::number(
     [0.01, 8.0],
     "0.5",
@@ -124,19 +127,19 @@ pub(super) const STEP_KEY: Key = Key::number(
 )
 .when(When::Is(MARCH, "samples"));
 
-/// Setting `lookup`: shadow map lookups per sample of an eye ray.
+/// Setting `lookup`: sharing of shadow map queries among samples of a camera ray.
 pub(super) const LOOKUP_KEY: Key = Key::choice(
     Lookups::NAMES,
     "shared",
     "lookups of light by eye samples: shared by up to four, or one for each",
 );
 
-/// Key for the interpolation between texels.
+/// Setting `filter`: interpolation between shadow map texels.
 pub(super) const FILTER_KEY: Key =
     Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
 
-/// Declares the settings of a method: a public struct, and its keys, which are named like the fields. `..MapSettings` stands
-/// for the settings that all maps share, and adds `shape`.
+/// Declares the settings of a shadow method: a public struct, and one [`Key`] for each field, with the field's name.
+/// `..MapSettings` inserts the settings that all shadow maps share, and adds the function `shape`.
 macro_rules! settings {
     ($(#[$meta:meta])* $vis:vis struct $name:ident {
         $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)*
@@ -146,24 +149,26 @@ macro_rules! settings {
         $crate::shadow::keys::settings! {
             $(#[$meta])* $vis struct $name {
                 $($(#[$doc])* $field: $ty = $key,)*
-                /// Occluder.
+                /// Occluder that casts the shadows: the voxels of the volume, or the line segments of the strands
+                /// that it was made from.
                 from: $crate::shadow::keys::DrawnFrom = $crate::shadow::keys::FROM_KEY,
-                /// March of light rays.
+                /// March of light rays: cell by cell and exact, or by samples at regular distances.
                 march: $crate::shadow::keys::MarchBy = $crate::shadow::keys::MARCH_KEY,
-                /// Distance of regular samples, in smallest voxel spacings.
+                /// Distance between regular samples along a light ray, in units of the smallest voxel spacing.
                 step: f64 = $crate::shadow::keys::STEP_KEY,
-                /// Texels a side; `None`: by the scene.
+                /// Number of shadow map texels per side; `None` if chosen from the scene.
                 map: Option<u32> = $crate::shadow::keys::MAP_KEY,
-                /// Region that the map covers.
+                /// Region that the shadow map covers: the visible bricks with extinction, or all bricks with
+                /// extinction.
                 fit: $crate::shadow::keys::Fit = $crate::shadow::keys::FIT_KEY,
-                /// Interpolation between texels.
+                /// Interpolation between the shadow map texels around a point: nearest or bilinear.
                 filter: $crate::shadow::Filter = $crate::shadow::keys::FILTER_KEY,
                 $($more)*
             }
         }
 
         impl $name {
-            /// Shape of the map, with the march of its light rays.
+            /// Returns the size and coverage of the shadow map, with the march of its light rays.
             pub(super) fn shape(&self) -> $crate::field::MapShape {
                 self.fit.shape(self.map, self.from.march(self.march, self.step))
             }
@@ -175,17 +180,17 @@ macro_rules! settings {
         $vis struct $name { $($(#[$doc])* pub $field: $ty,)* }
 
         impl $name {
-            /// Keys, in the order of the fields.
+            /// Descriptions of all settings of the shadow method, in the order of the struct's fields.
             pub const KEYS: &'static [$crate::shadow::Key] =
                 &[$($crate::shadow::Key { name: stringify!($field), ..$key }),*];
 
-            /// Settings from values of [`Self::KEYS`].
+            /// Creates the settings of a shadow method from one value for each of [`Self::KEYS`].
             fn from_values(values: &[$crate::shadow::Value]) -> Option<Self> {
                 let mut values = values.iter().copied();
                 Some(Self { $($field: $crate::shadow::settings::Field::from_value(values.next()?)?,)* })
             }
 
-            /// Values of [`Self::KEYS`].
+            /// Returns the values of the shadow method's settings, in the order of [`Self::KEYS`].
             fn to_values(self) -> Vec<$crate::shadow::Value> {
                 let mut values = Vec::new();
                 $($crate::shadow::settings::Field::push_to(self.$field, &mut values, Self::KEYS);)*

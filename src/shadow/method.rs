@@ -1,4 +1,5 @@
-//! Interface of shadow methods: registry entry, settings, lookup, built structure, cost and error bound.
+//! Interface of shadow methods: registry entry, settings, transmittance query, built shadow map, cost and error
+//! bound.
 
 use super::keys::{Lookups, MAP, MARCH};
 use super::settings::{Key, Value, When, applies};
@@ -9,27 +10,29 @@ use crate::gpu::{Group, ShaderVariant, Span};
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-/// Registry entry of a method.
+/// Registry entry of a shadow method: name, settings, constructor and default uses.
 pub struct Entry {
-    /// Name on the command line and in tables.
+    /// Name of the shadow method on the command line and in tables.
     pub name: &'static str,
-    /// One line for `--help` and the window.
+    /// Description of the shadow method in one line, for `--help` and the window.
     pub summary: &'static str,
-    /// Keys of the settings.
+    /// Descriptions of the shadow method's settings.
     pub keys: &'static [Key],
-    /// Creates the method from values of the keys, in their order; `None` where they do not fit.
+    /// Creates the shadow method from values of its settings, in the order of `keys`; returns `None` if they do not
+    /// fit.
     pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
-    /// Rows in the default comparison, as on the command line; empty for none.
+    /// Specifications of this shadow method in the default comparison table, in command-line syntax; empty for none.
     pub compared: &'static str,
-    /// Curves in a default `probe --curve`; empty for none.
+    /// Specifications of this shadow method in the default plot of `umbravox probe --curve`, in command-line syntax;
+    /// empty for none.
     pub curve: &'static str,
-    /// Rows in the stability cases.
+    /// Specifications of this shadow method in the test cases of `umbravox stability`, in command-line syntax.
     pub stability: &'static str,
-    /// Colour and marker in every figure.
+    /// Colour and marker of the shadow method in every figure.
     pub style: Style,
 }
 
-/// A shadow method with a value for each of its keys.
+/// Specification of a shadow method: its registry entry and a value for each of its settings.
 #[derive(Clone)]
 pub struct MethodSpec {
     pub(super) entry: &'static Entry,
@@ -37,37 +40,37 @@ pub struct MethodSpec {
 }
 
 impl MethodSpec {
-    /// Specification from values of the entry's keys, in their order.
+    /// Creates the specification of a shadow method from values in the order of the entry's settings.
     pub fn new(entry: &'static Entry, values: Vec<Value>) -> Self {
         Self { entry, values }
     }
 
-    /// The method with its default settings.
+    /// Creates the specification of a shadow method with its default settings.
     pub fn default_of(entry: &'static Entry) -> Self {
         Self::new(entry, entry.keys.iter().filter_map(|key| key.parse(key.default)).collect())
     }
 
-    /// Entry of the method in the registry.
+    /// Returns the registry entry of the specified shadow method.
     pub fn entry(&self) -> &'static Entry {
         self.entry
     }
 
-    /// Values of the entry's keys, in their order.
+    /// Returns the values of the shadow method's settings, in the order of the entry's keys.
     pub fn values(&self) -> &[Value] {
         &self.values
     }
 
-    /// Keys with their values.
+    /// Returns each setting of the shadow method with its value.
     pub fn settings(&self) -> impl Iterator<Item = (&'static Key, Value)> {
         self.entry.keys.iter().zip(self.values.iter().copied())
     }
 
-    /// Value of a key, where the method has it.
+    /// Returns the value of the setting with the given name; `None` if the shadow method has no such setting.
     pub fn value(&self, key: &str) -> Option<Value> {
         self.settings().find(|(k, _)| k.name == key).map(|(_, value)| value)
     }
 
-    /// Sets the value of a key; `None` where the method has no such key or value.
+    /// Sets one setting of the shadow method; returns `None` if it has no such setting or does not allow the value.
     #[must_use]
     pub fn with(mut self, key: &str, value: &str) -> Option<Self> {
         let at = self.entry.keys.iter().position(|k| k.name == key)?;
@@ -75,27 +78,28 @@ impl MethodSpec {
         Some(self)
     }
 
-    /// Whether a key has this word as its value, and an effect.
+    /// Whether the given setting of the shadow method has the value `word` and has an effect.
     pub fn is_set(&self, key: &str, word: &'static str) -> bool {
         self.settings().any(|(k, value)| k.name == key && value == Value::Choice(word) && self.applies(k))
     }
 
-    /// Texels a side of the map, where a setting says so; the scene decides otherwise.
+    /// Returns the number of shadow map texels per side if a setting fixes it; `None` if it is chosen from the scene.
     pub fn map_size(&self) -> Option<u32> {
         if let Some(Value::Whole(side)) = self.value(MAP) { Some(side) } else { None }
     }
 
-    /// The method itself.
+    /// Creates the shadow method with the specified settings.
     ///
     /// # Errors
-    /// Values that do not fit the keys.
+    /// The values do not fit the settings of the method.
     pub fn method(&self) -> Result<Box<dyn Method>> {
         (self.entry.make)(&self.values)
             .ok_or_else(|| Error::runtime("cannot set", self.entry.name, "values do not fit the keys"))
     }
 
-    /// Settings as `key=value` separated by spaces, for tables: those that are always shown, and those that differ from the
-    /// defaults; without the size of the map, which has a column of its own.
+    /// Returns the settings of the shadow method as `key=value` separated by spaces, for tables. It shows settings
+    /// marked for labels and those that differ from their defaults. The map size is omitted, since it has its own
+    /// column.
     pub fn label(&self) -> String {
         let shown = |key: &Key, value| {
             key.name != MAP && self.applies(key) && (key.in_label || Some(value) != key.parse(key.default))
@@ -109,13 +113,14 @@ impl MethodSpec {
     }
 }
 
-/// `METHOD[:key=value,...]`; the alternate form `{:#}` has no defaults.
+/// Formats a shadow method as `METHOD[:key=value,...]`; the alternate form `{:#}` omits all settings at their
+/// defaults.
 impl fmt::Display for MethodSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.entry.name)?;
         let mut separator = ':';
         for (key, value) in self.settings() {
-            // A key of another setting would be refused when read back.
+            // A setting without effect (`When::Is`) would be refused when the text is parsed again.
             let readable = self.applies(key) || !matches!(key.when, When::Is(..));
             let is_labelled = !f.alternate() && key.in_label && self.applies(key);
             if readable && (is_labelled || Some(value) != key.parse(key.default)) {
@@ -139,7 +144,7 @@ impl PartialEq for MethodSpec {
     }
 }
 
-/// No value is NaN: every key has a range.
+/// `Eq` holds for method specifications: no value is NaN, since every number has a range.
 impl Eq for MethodSpec {}
 
 impl Hash for MethodSpec {
@@ -149,27 +154,30 @@ impl Hash for MethodSpec {
     }
 }
 
-/// Error bound of a method on light rays through texel centres, at every depth `z`:
-/// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
+/// Error bound of a shadow method on light rays through texel centres, at every depth `z`: `T_exact(z + depth_mm) -
+/// transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
 ///
-/// `T_exact` belongs to a ray within `lateral_mm` of the texel's, through values within `value` of the volume's. These are
-/// the limits of float32: a ray that grazes a surface may miss it for less (`docs/bound.md`).
+/// `T_exact` is the transmittance along a ray within `lateral_mm` of the texel's ray, through a volume whose values
+/// differ by at most `value`. These terms are the limits of float32: a ray that grazes a surface may miss it because
+/// of them (`docs/bound.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bound {
-    /// Error in transmittance.
+    /// Bound on the error of the shadow method in transmittance.
     pub transmittance: f64,
-    /// Error in depth, mm.
+    /// Bound on the error of the shadow method in depth along the light ray, mm.
     pub depth_mm: f64,
-    /// Lateral error of the ray, mm.
+    /// Bound on the distance by which a light ray is displaced sideways by rounding, mm.
     pub lateral_mm: f64,
-    /// Error of the values along the ray, in the volume's units.
+    /// Bound on the error of the volume's values along a light ray, in units of the values.
     pub value: f64,
-    /// Distance from a point light within which no bound holds, mm: float32 does not resolve texels there.
+    /// Distance from a point light within which the error bound does not hold, mm: float32 does not resolve texels
+    /// there.
     pub from_light_mm: f64,
 }
 
 impl Bound {
-    /// Bound that the structures of several lights all satisfy; `None` where one has no bound.
+    /// Returns the error bound that the shadow maps of several lights all satisfy; `None` if one of them has no
+    /// bound.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
         let looser = |a: Self, b: Self| Self {
             transmittance: a.transmittance.max(b.transmittance),
@@ -183,100 +191,103 @@ impl Bound {
     }
 }
 
-/// Shader modules, definitions and constants that provide `umbravox::method::transmittance`.
+/// Shader code of a transmittance query: modules, definitions and constants that provide
+/// `umbravox::method::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lookup(ShaderVariant);
 
 impl Lookup {
-    /// Lookup from the modules of a [`field_shader`](crate::field::field_shader), whose entry point is ignored.
+    /// Creates a transmittance query from the modules of a [`field_shader`](crate::field::field_shader), whose entry
+    /// point is ignored.
     pub fn new(shader: ShaderVariant) -> Self {
         Self(shader)
     }
 
-    /// Sets whether eye samples share lookups.
+    /// Sets whether neighbouring samples of a camera ray share one transmittance query.
     #[must_use]
     pub fn with_lookup_mode(self, samples: Lookups) -> Self {
         Self(self.0.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")))
     }
 
-    /// Shader variant of an entry point that uses the lookup.
+    /// Returns the shader variant of an entry point that makes transmittance queries.
     pub fn within(&self, entry: &'static str) -> ShaderVariant {
         ShaderVariant { entry, ..self.0.clone() }
     }
 
-    /// Whether a lookup marches a whole ray; pictures are then drawn in several dispatches.
+    /// Whether a transmittance query marches a whole light ray; pictures are then drawn in several dispatches.
     pub fn marches(&self) -> bool {
         marches_cells(&self.0)
     }
 }
 
-/// A pass of a published method that was skipped, since nothing would read its result.
+/// Pass of a published shadow method that was skipped, since nothing would read its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
-    /// Name of the pass.
+    /// Name of the skipped pass of a shadow method.
     pub what: &'static str,
-    /// Reason.
+    /// Reason why a pass of a shadow method was skipped.
     pub why: &'static str,
-    /// Name for `--no-skip`, if it can be disabled.
+    /// Name with which `--no-skip` makes the skipped pass run; `None` if it cannot run.
     pub optional: Option<Optimization>,
 }
 
-/// Ratio chosen for the split of a map's layers.
+/// Ratio between linear and logarithmic division into layers that a search chose for a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplitChoice {
-    /// Blend from linear (0) to logarithmic (1) division.
+    /// Ratio of the division of a shadow map into layers, from linear (0) to logarithmic (1).
     pub ratio: f64,
-    /// Mean correlation of neighbouring layers; 1 for equal layers.
+    /// Mean correlation of neighbouring layers of a shadow map; 1 for equal layers.
     pub correlation: f64,
 }
 
-/// Cost and size of a built structure.
+/// Cost and size of a built shadow map.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
-    /// Host milliseconds of the build without the device's passes; the renderer fills it in.
+    /// Host time of the shadow map build without the passes on the device, ms; the renderer sets it.
     pub host_ms: f64,
-    /// Time of the device's passes, repetitions and choices included; `None` without passes.
+    /// Time of the device passes of the shadow map build, including repetitions and searches; `None` without passes.
     pub device: Option<Span>,
-    /// Bytes allocated for lookups.
+    /// Memory allocated for the shadow map that transmittance queries read, bytes.
     pub bytes: u64,
-    /// Bytes that a lookup can reach.
+    /// Memory of the shadow map that transmittance queries can reach, bytes.
     pub bytes_used: u64,
-    /// Whether a size was guessed, so that `bytes` of the next build will differ.
+    /// Whether a buffer size of the shadow map was guessed, so that `bytes` of the next build will differ.
     pub guessed: bool,
-    /// Number of stored nodes.
+    /// Number of curve nodes stored in the whole shadow map.
     pub nodes_total: Option<u64>,
-    /// Largest number of nodes in a texel.
+    /// Largest number of curve nodes in one texel of the shadow map.
     pub nodes_max: Option<u64>,
-    /// Texels whose ray meets extinction.
+    /// Number of shadow map texels whose light ray meets extinction.
     pub texels_hit: Option<u64>,
-    /// Texels whose tunnel had too many corners, so that their nodes may not be the fewest.
+    /// Number of texels in which the optimal compression met too many hull corners, so that it may store more curve
+    /// nodes than necessary.
     pub texels_narrowed: Option<u64>,
-    /// Tiles of the map.
+    /// Number of tiles of the shadow map.
     pub tiles: u32,
-    /// Tiles skipped since they cover no active brick.
+    /// Number of shadow map tiles that are skipped, since they cover no brick with extinction.
     pub tiles_left_out: u32,
-    /// Bytes saved by skipped tiles.
+    /// Memory saved by skipped shadow map tiles, bytes.
     pub bytes_left_out: u64,
-    /// Repetitions of the build since the pool was too small.
+    /// Number of repetitions of the shadow map build because the pool of node rows was too small.
     pub pool_growths: u32,
-    /// Skipped passes.
+    /// Passes of the published shadow method that the build skipped.
     pub passes_left_out: &'static [PassLeftOut],
-    /// Ratio chosen for the split of layers, where a search chose one.
+    /// Ratio chosen for the division of the shadow map into layers; `None` if no search chose one.
     pub split_choice: Option<SplitChoice>,
 }
 
 impl BuildReport {
-    /// Texels of the built tiles.
+    /// Returns the number of texels in the shadow map tiles that were built.
     pub fn texels_built(&self) -> u64 {
         u64::from((self.tiles - self.tiles_left_out) * TILE_TEXELS)
     }
 
-    /// Sets the host's share of a build that took `all_ms`.
+    /// Sets the host time of a shadow map build that took `all_ms` in total, device time included.
     pub fn set_host_ms(&mut self, all_ms: f64) {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
     }
 
-    /// Sum over the structures of several lights, with the maximum of maxima.
+    /// Returns the sum of the build reports of several lights' shadow maps; `nodes_max` is their maximum.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
         maps.into_iter().map(|map| map.report).reduce(Self::plus).unwrap_or_default()
     }
@@ -306,103 +317,105 @@ impl BuildReport {
         }
     }
 
-    /// Host plus device milliseconds, by the more precise clock.
+    /// Returns the time of the shadow map build on host and device, by the more precise clock, ms.
     pub fn build_ms(&self) -> f64 {
         self.host_ms + self.device.map_or(0.0, |s| s.best().0)
     }
 }
 
-/// Shape of a method's transmittance along a light ray.
+/// Shape of a shadow method's transmittance curve along a light ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Curve {
-    /// Non-increasing, within 0 and 1.
+    /// Transmittance never rises with depth and stays within 0 and 1.
     #[default]
     Falls,
-    /// Transmittance is within 0 and 1, but may rise with depth.
+    /// Transmittance stays within 0 and 1, but may rise with depth.
     Stays,
-    /// May rise and exceed 1, as a ringing series does.
+    /// Transmittance may rise with depth and exceed 1, as a ringing series does.
     Rings,
 }
 
-/// Rays whose mean transmittance a map stores for the centre of a texel.
+/// Light rays whose mean transmittance a shadow map stores for the centre of a texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
-    /// 1, 5 or 9 rays within the texel (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
+    /// Rays within the texel: 1, 5 or 9 of them (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
     Within(u32),
-    /// Centres of the texels of a square map with a number of texels per side.
+    /// Rays through the centres of a square of shadow map texels; the number is the texels per side of the square.
     Texels(u32),
 }
 
-/// Built shadow structure of one light.
+/// Shadow map (or other shadow data structure) built for one light.
 pub struct ShadowMap {
-    /// Name of the method.
+    /// Name of the shadow method that built this shadow map.
     pub method: &'static str,
-    /// Bind group 1 of lookups.
+    /// Bind group 1 of shaders that query the shadow map.
     pub(crate) group: Group,
-    /// Lookup; `None` where everything is lit.
+    /// Shader code of transmittance queries; `None` if every point is fully lit.
     pub lookup: Option<Lookup>,
-    /// Projection of the light.
+    /// Projection of the light onto the shadow map.
     pub light_space: LightSpace,
-    /// Cost and size.
+    /// Cost and size of the built shadow map.
     pub report: BuildReport,
-    /// Error bound, where the method has one.
+    /// Error bound of the shadow map; `None` if the method has none.
     pub bound: Option<Bound>,
 }
 
-/// A shadow method with its settings.
+/// Shadow method with its settings.
 pub trait Method: std::fmt::Debug + Send + Sync {
-    /// Entry of the registry.
+    /// Returns the registry entry of the shadow method.
     fn entry(&self) -> &'static Entry;
-    /// Values of the entry's keys, in their order.
+    /// Returns the values of the shadow method's settings, in the order of the entry's keys.
     fn values(&self) -> Vec<Value>;
-    /// Lookup into the built structure; `None` where everything is lit.
+    /// Returns the shader code of transmittance queries; `None` if every point is fully lit.
     fn lookup(&self) -> Option<Lookup>;
-    /// Passes that [`Self::build`] may run, for tests of shaders.
+    /// Returns the shader passes that [`Self::build`] may run, for tests of shaders.
     fn passes(&self) -> Vec<ShaderVariant> {
         Vec::new()
     }
-    /// Rays whose mean a lookup at a texel's centre returns.
+    /// Returns the light rays whose mean transmittance a query at a texel's centre gives.
     fn taps(&self) -> Taps {
         Taps::Within(1)
     }
-    /// Shape of the transmittance along a light ray.
+    /// Returns the shape of the method's transmittance curve along a light ray.
     fn curve(&self) -> Curve {
         Curve::Falls
     }
     /// Builds the shadow map of a light.
     ///
     /// # Errors
-    /// A structure that the adapter cannot hold.
+    /// A shadow map that is too large for the graphics adapter.
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap>;
 
-    /// Name on the command line and in tables.
+    /// Returns the name of the shadow method on the command line and in tables.
     fn name(&self) -> &'static str {
         self.entry().name
     }
 
-    /// Specification: entry and values.
+    /// Returns the specification of the shadow method: its registry entry and the values of its settings.
     fn spec(&self) -> MethodSpec {
         MethodSpec::new(self.entry(), self.values())
     }
 
-    /// Label of the settings ([`MethodSpec::label`]).
+    /// Returns the label of the shadow method's settings for tables ([`MethodSpec::label`]).
     fn params(&self) -> String {
         self.spec().label()
     }
 
-    /// Variant that marches cell by cell, for a map that marches by regular samples.
+    /// Returns a variant of the shadow method that marches light rays cell by cell; `None` unless this one marches by
+    /// regular samples.
     fn by_cells(&self) -> Option<Box<dyn Method>> {
         let spec = self.spec();
         let is_sampled = spec.is_set(MARCH, "samples");
         is_sampled.then(|| spec.with(MARCH, "cells")?.method().ok()).flatten()
     }
 
-    /// Whether it has a map of texels.
+    /// Whether the shadow method has a map of texels.
     fn has_map(&self) -> bool {
         self.entry().keys.iter().any(|key| key.name == MAP)
     }
 
-    /// Texels a side of the map ([`MethodSpec::map_size`]); the scene decides otherwise ([`LightSpace::map_size`]).
+    /// Returns the number of shadow map texels per side ([`MethodSpec::map_size`]); `None` if it is chosen from the
+    /// scene ([`LightSpace::map_size`]).
     fn map_size(&self) -> Option<u32> {
         self.spec().map_size()
     }

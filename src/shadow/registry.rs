@@ -1,5 +1,5 @@
-//! Registry of shadow methods, and parsing by it: `NAME[:key=value,...]`, methods separated by `;`, and a value without `=` is
-//! one more for the key before it.
+//! Registry of all shadow methods, and the parser of method lists. A method is `NAME[:key=value,...]`, and `;`
+//! separates methods. A value without `=` is one more value of the key before it.
 
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
@@ -11,10 +11,10 @@ use std::sync::LazyLock;
 
 const WHAT: &str = "bad shadow method";
 
-/// Limit of rows that one text expands to; a longer list is a slip.
+/// Largest number of shadow methods with settings that one text may expand to; more is taken as a typing error.
 const MAX_COMBINATIONS: usize = 10_000;
 
-/// Every method, in the order of tables and menus.
+/// Registry entries of all shadow methods, in the order of tables and menus.
 pub const METHODS: &[&Entry] = &[
     &none::ENTRY,
     &rays::ENTRY,
@@ -31,24 +31,24 @@ pub const METHODS: &[&Entry] = &[
     &super::half::ENTRY,
 ];
 
-/// Finds a method by its name.
+/// Returns the registry entry of the shadow method with the given name.
 pub fn entry(name: &str) -> Option<&'static Entry> {
     METHODS.iter().copied().find(|m| m.name == name)
 }
 
-/// Methods of the default comparison.
+/// Shadow methods of the default comparison table, in command-line syntax.
 pub static COMPARED: LazyLock<String> = LazyLock::new(|| joined(|m| m.compared));
-/// Methods of the default `probe --curve`.
+/// Shadow methods of the default plot of `umbravox probe --curve`, in command-line syntax.
 pub static CURVES: LazyLock<String> = LazyLock::new(|| joined(|m| m.curve));
-/// Methods of the stability cases.
+/// Shadow methods of the default test cases of `umbravox stability`, in command-line syntax.
 pub static STABILITY: LazyLock<String> = LazyLock::new(|| joined(|m| m.stability));
 
-/// Joins one list of every method with `;`.
+/// Joins one text from every shadow method's registry entry with `;`.
 fn joined(list: impl Fn(&Entry) -> &'static str) -> String {
     METHODS.iter().map(|m| list(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
 }
 
-/// Parses `METHOD[:key=value,...]`.
+/// Parses one shadow method with its settings, `METHOD[:key=value,...]`.
 ///
 /// # Errors
 /// See [`MethodSpec::parse_list`].
@@ -56,7 +56,7 @@ pub fn parse(text: &str) -> Result<Box<dyn Method>> {
     text.parse::<MethodSpec>()?.method()
 }
 
-/// Parses a list of methods ([`MethodSpec::parse_list`]).
+/// Parses a list of shadow methods with their settings ([`MethodSpec::parse_list`]).
 ///
 /// # Errors
 /// See [`MethodSpec::parse_list`].
@@ -64,7 +64,7 @@ pub fn parse_list(text: &str) -> Result<Vec<Box<dyn Method>>> {
     MethodSpec::parse_list(text)?.iter().map(MethodSpec::method).collect()
 }
 
-/// Parses a list of methods without repetitions.
+/// Parses a list of shadow methods with their settings, and removes repetitions.
 ///
 /// # Errors
 /// See [`MethodSpec::parse_list`].
@@ -75,15 +75,16 @@ pub fn parse_distinct(text: &str) -> Result<Vec<Box<dyn Method>>> {
 }
 
 impl MethodSpec {
-    /// Parses methods separated by `;` (one at the end is allowed); every combination of values is one specification, and
-    /// the last key varies fastest.
+    /// Parses shadow methods separated by `;` (one at the end is allowed). Every combination of the given values is
+    /// one method specification, and the last setting varies fastest.
     ///
     /// # Errors
-    /// A text of another form, an unknown method or key, a value out of range, or more than 10,000 combinations.
+    /// The text is malformed, names an unknown method or setting, has a value out of range, or expands to more than
+    /// 10,000 combinations.
     pub fn parse_list(text: &str) -> Result<Vec<Self>> {
         let text = text.trim();
         let specs = text.strip_suffix(';').unwrap_or(text).split(';').map(Written::parse);
-        // The form of all is checked before the names of any.
+        // All methods are parsed before the first name is looked up, so that malformed text is reported first.
         let expanded =
             specs.collect::<Result<Vec<_>>>()?.iter().map(Written::expand).collect::<Result<Vec<_>>>()?;
         Ok(expanded.concat())
@@ -91,7 +92,7 @@ impl MethodSpec {
 }
 
 impl Default for MethodSpec {
-    /// Deep shadow maps.
+    /// Returns deep shadow maps with default settings.
     fn default() -> Self {
         Self::default_of(&dsm::ENTRY)
     }
@@ -108,10 +109,10 @@ impl FromStr for MethodSpec {
     }
 }
 
-/// A method with any number of values for each key, as written.
+/// Shadow method as written on the command line, with any number of values for each setting.
 struct Written<'a> {
     name: &'a str,
-    /// Keys in the order written, each once and with at least one value.
+    /// Settings of the shadow method in the order written, each once and with at least one value.
     params: Vec<(&'a str, Vec<&'a str>)>,
 }
 
@@ -149,7 +150,7 @@ impl<'a> Written<'a> {
         Ok(Self { name, params })
     }
 
-    /// Every combination of the values.
+    /// Returns one method specification for every combination of the written values.
     fn expand(&self) -> Result<Vec<MethodSpec>> {
         let count = self.params.iter().try_fold(1_usize, |n, (_, values)| n.checked_mul(values.len()));
         if count.is_none_or(|n| n > MAX_COMBINATIONS) {
@@ -181,7 +182,7 @@ impl<'a> Written<'a> {
         Ok(specs)
     }
 
-    /// Refuses a given key that has no effect under the values of the others.
+    /// Returns an error if a given setting has no effect under the values of the other settings.
     fn check_effect(&self, spec: &MethodSpec) -> Result<()> {
         for key in spec.entry.keys.iter().filter(|key| self.params.iter().any(|(name, _)| *name == key.name))
         {

@@ -1,18 +1,18 @@
-//! Search space of a method: the values that a search within a budget tries of each key.
+//! Search space of a shadow method: the values of each setting that a search within a budget of memory or time tries.
 
 use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Key, Kind, Value, applies};
 
-/// A key with the values that are tried of it.
+/// Axis of the search space: a setting of a shadow method with the values that are tried.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Index among the entry's keys.
+    /// Index of the setting in the registry entry's `keys`.
     key: usize,
     values: Vec<Value>,
-    /// Index of the default among the values; the middle where the scene chooses a number.
+    /// Index of the setting's default among the tried values; the middle value if the scene chooses the default.
     default: usize,
-    /// Whether the values are numbers in the order of non-decreasing memory.
+    /// Whether the tried values of the setting are numbers, in the order of non-decreasing memory.
     pub ordered: bool,
 }
 
@@ -28,14 +28,15 @@ impl Axis {
         Self { key: at, values, default, ordered }
     }
 
-    /// Number of values.
+    /// Returns the number of values that are tried for this setting.
     #[expect(clippy::len_without_is_empty, reason = "never empty")]
     pub fn len(&self) -> usize {
         self.values.len()
     }
 }
 
-/// Settings that a search explores; a place is an index into the values of each axis.
+/// Search space of a shadow method's settings. A point of the space (`place`) has one index into the values of each
+/// axis.
 #[derive(Clone)]
 pub struct SearchSpace {
     defaults: MethodSpec,
@@ -43,7 +44,7 @@ pub struct SearchSpace {
 }
 
 impl SearchSpace {
-    /// Search space of a method; `None` where no key is searched.
+    /// Creates the search space of a shadow method; `None` if no setting of the method is searched.
     pub fn of(entry: &'static Entry) -> Option<Self> {
         let searched = entry.keys.iter().enumerate().filter(|(_, key)| !key.search_space.is_empty());
         let mut axes: Vec<_> = searched.map(Axis::of).collect();
@@ -52,17 +53,18 @@ impl SearchSpace {
         (!axes.is_empty()).then(|| Self { defaults: MethodSpec::default_of(entry), axes })
     }
 
-    /// Keys that are searched.
+    /// Returns the axes of the search space: settings with the values that are tried.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// Place at which a search starts.
+    /// Returns the point of the search space at which a search starts.
     pub fn default_place(&self) -> Vec<usize> {
         self.axes.iter().map(|axis| axis.default).collect()
     }
 
-    /// Moves keys without effect to their defaults, so that equal settings are one place.
+    /// Moves settings without effect to their defaults, so that equivalent settings are one point of the search
+    /// space.
     pub fn canonical(&self, place: &[usize]) -> Vec<usize> {
         let (keys, values) = (self.defaults.entry().keys, self.values(place));
         let canonical = |(axis, index): (&Axis, &usize)| {
@@ -71,7 +73,7 @@ impl SearchSpace {
         self.axes.iter().zip(place).map(canonical).collect()
     }
 
-    /// Method with the settings of a place; `None` where the entry rejects them.
+    /// Creates the shadow method with the settings of a point of the search space; `None` if they are invalid.
     pub fn method(&self, place: &[usize]) -> Option<Box<dyn Method>> {
         (self.defaults.entry().make)(&self.values(&self.canonical(place)))
     }

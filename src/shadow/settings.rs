@@ -1,46 +1,46 @@
-//! Typed settings of shadow methods. Each method declares the name, values, default and help of its keys once; parsing,
-//! errors, `--help`, table columns, the window's controls and shader tests read them from there.
+//! Typed settings (keys) of shadow methods. Each method declares the name, values, default and help of its settings
+//! once; parsing, errors, `--help`, table columns, the window's controls and shader tests read them from there.
 
 use std::fmt;
 
-/// Values that a key takes.
+/// Type and range of the values of a shadow method's setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
-    /// A whole number.
+    /// Setting whose value is a whole number.
     Whole {
-        /// Smallest value.
+        /// Smallest whole number that the setting allows.
         least: u32,
-        /// Largest value.
+        /// Largest whole number that the setting allows.
         most: u32,
     },
-    /// A whole number, or a word that leaves it to the scene.
+    /// Setting whose value is a whole number, or a word such as `auto` for a number chosen from the scene.
     WholeOr {
-        /// Smallest value.
+        /// Smallest whole number that the setting allows.
         least: u32,
-        /// Largest value.
+        /// Largest whole number that the setting allows.
         most: u32,
-        /// Word for the choice by the scene.
+        /// Word for a number chosen from the scene, such as `auto`.
         word: &'static str,
     },
-    /// Any number.
+    /// Setting whose value is a real number.
     Number {
-        /// Smallest value.
+        /// Smallest number that the setting allows.
         least: f64,
-        /// Largest value.
+        /// Largest number that the setting allows.
         most: f64,
     },
-    /// One of these words (or numbers).
+    /// Setting whose value is one of the listed words (or numbers).
     Choice(&'static [&'static str]),
 }
 
-/// The value of a key.
+/// Value of a shadow method's setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// Value of [`Kind::Whole`] and [`Kind::WholeOr`].
+    /// Whole number, the value of a setting of [`Kind::Whole`] or [`Kind::WholeOr`].
     Whole(u32),
-    /// Value of [`Kind::Number`].
+    /// Real number, the value of a setting of [`Kind::Number`].
     Number(f64),
-    /// Value of [`Kind::Choice`], and the word of [`Kind::WholeOr`].
+    /// Word, the value of a setting of [`Kind::Choice`] or of [`Kind::WholeOr`].
     Choice(&'static str),
 }
 
@@ -54,37 +54,39 @@ impl fmt::Display for Value {
     }
 }
 
-/// Condition on another key under which a key has an effect.
+/// Condition on the value of another setting under which a setting of a shadow method has an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum When {
-    /// No condition.
+    /// The setting always has an effect.
     Always,
-    /// Effective only with this value of that key; refused otherwise.
+    /// The setting has an effect only if another setting (first text) has a value (second text); it is refused
+    /// otherwise.
     Is(&'static str, &'static str),
-    /// Effective unless that key has this value; ignored then.
+    /// The setting has an effect unless another setting (first text) has a value (second text); it is ignored then.
     Unless(&'static str, &'static str),
-    /// Effective unless one of two keys has its value.
+    /// The setting has an effect unless one of two other settings has the value listed with it.
     UnlessEither([(&'static str, &'static str); 2]),
 }
 
-/// A setting of a method.
+/// Description of one setting of a shadow method: name, allowed values, default and help.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
-    /// Name, such as `epsilon`.
+    /// Name of the setting, such as `epsilon`.
     pub name: &'static str,
-    /// Values that it takes.
+    /// Type and range of the setting's values.
     pub kind: Kind,
-    /// Text of the default value.
+    /// Default value of the setting, as text.
     pub default: &'static str,
-    /// One line of help.
+    /// Help text of the setting, in one line.
     pub help: &'static str,
-    /// Whether labels show the key even at its default.
+    /// Whether labels in tables show the setting even at its default.
     pub in_label: bool,
-    /// Condition under which it has an effect.
+    /// Condition under which the setting has an effect.
     pub when: When,
-    /// Value during interaction: a lower limit of numbers, a replacement otherwise.
+    /// Value of the setting during interaction in the window: a lower limit of numbers, a replacement otherwise.
     pub coarse: Option<&'static str>,
-    /// Values that a search within a budget tries, the default among them; numbers in the order of non-decreasing memory.
+    /// Values of the setting that a search within a budget of memory or time tries, including the default. Numbers
+    /// are in the order of non-decreasing memory.
     pub search_space: &'static [&'static str],
 }
 
@@ -94,12 +96,12 @@ impl Key {
         Self { name: "", kind, default, help, in_label: false, when, coarse: None, search_space }
     }
 
-    /// Key of a whole number in a closed range.
+    /// Describes a setting whose value is a whole number in a closed range.
     pub const fn whole([least, most]: [u32; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Whole { least, most }, default, help)
     }
 
-    /// Key of a whole number in a closed range, or a word.
+    /// Describes a setting whose value is a whole number in a closed range, or a word.
     pub const fn whole_or(
         [least, most]: [u32; 2],
         word: &'static str,
@@ -109,37 +111,37 @@ impl Key {
         Self::new(Kind::WholeOr { least, most, word }, default, help)
     }
 
-    /// Key of a number in a closed range.
+    /// Describes a setting whose value is a real number in a closed range.
     pub const fn number([least, most]: [f64; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Number { least, most }, default, help)
     }
 
-    /// Key of one of several words.
+    /// Describes a setting whose value is one of several words.
     pub const fn choice(names: &'static [&'static str], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Choice(names), default, help)
     }
 
-    /// Shows the key in labels even at its default.
+    /// Makes labels in tables show the setting even at its default.
     pub const fn in_label(self) -> Self {
         Self { in_label: true, ..self }
     }
 
-    /// Sets the condition under which the key has an effect.
+    /// Sets the condition under which the setting has an effect.
     pub const fn when(self, when: When) -> Self {
         Self { when, ..self }
     }
 
-    /// Sets the value during interaction.
+    /// Sets the value of the setting during interaction in the window.
     pub const fn coarse(self, coarse: &'static str) -> Self {
         Self { coarse: Some(coarse), ..self }
     }
 
-    /// Sets the values that a search tries.
+    /// Sets the values of the setting that a search within a budget of memory or time tries.
     pub const fn search(self, search_space: &'static [&'static str]) -> Self {
         Self { search_space, ..self }
     }
 
-    /// Lets a search try every word of a choice.
+    /// Makes a search within a budget of memory or time try every word that the setting allows.
     pub const fn search_all(self) -> Self {
         match self.kind {
             Kind::Choice(names) => self.search(names),
@@ -147,7 +149,7 @@ impl Key {
         }
     }
 
-    /// Values as help and errors show them: `1..512`, `0..1`, `nearest|bilinear`.
+    /// Returns the allowed values of the setting as help and errors show them: `1..512`, `0..1`, `nearest|bilinear`.
     pub fn values(&self) -> String {
         match self.kind {
             Kind::Whole { least, most } => format!("{least}..{most}"),
@@ -157,7 +159,7 @@ impl Key {
         }
     }
 
-    /// Parses a value of the key.
+    /// Parses a value of the setting; returns `None` if it is not allowed.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match self.kind {
             Kind::WholeOr { word, .. } if text == word => Some(Value::Choice(word)),
@@ -172,7 +174,7 @@ impl Key {
         }
     }
 
-    /// Value of this key during interaction.
+    /// Returns the value of the setting during interaction in the window, which may be coarser.
     pub fn coarser(&self, value: Value) -> Value {
         match (value, self.coarse.and_then(|coarse| self.parse(coarse))) {
             (value, None) => value,
@@ -182,7 +184,7 @@ impl Key {
     }
 }
 
-/// Whether a key has an effect under the values of the others.
+/// Whether a setting has an effect under the values of the other settings.
 pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
     let is =
         |other, wanted| keys.iter().zip(values).any(|(k, v)| k.name == other && *v == Value::Choice(wanted));
@@ -194,13 +196,14 @@ pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
     }
 }
 
-/// A typed field of a method's settings.
+/// Type of a field in a shadow method's settings, convertible to and from the value of a setting.
 pub(super) trait Field: Copy {
-    /// Field from the value of its key.
+    /// Converts the value of a setting to the field's type.
     fn from_value(value: Value) -> Option<Self>;
-    /// Value of a key from its field.
+    /// Converts the field to a value of the given setting.
     fn to_value(self, key: &Key) -> Option<Value>;
-    /// Appends the value to those of the keys before; the default where code has set a value that the key does not allow.
+    /// Appends the field's value to the values of the settings before it. It appends the default if code has set a
+    /// value that the setting does not allow.
     fn push_to(self, values: &mut Vec<Value>, keys: &[Key]) {
         let key = &keys[values.len()];
         values.extend(self.to_value(key).or_else(|| key.parse(key.default)));
@@ -221,7 +224,7 @@ impl Field for u32 {
     }
 }
 
-/// A number, or none where a word leaves it to the scene.
+/// Number of a setting, or `None` if it is chosen from the scene.
 impl Field for Option<u32> {
     fn from_value(value: Value) -> Option<Self> {
         match value {
@@ -250,7 +253,7 @@ impl Field for f64 {
     }
 }
 
-/// Declares an enum whose variants are the words of a key.
+/// Declares an enum whose variants are the words that a setting allows.
 macro_rules! choices {
     ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)* }) => {
         $(#[$meta])*
@@ -258,7 +261,7 @@ macro_rules! choices {
         $vis enum $name { $($(#[$doc])* $variant,)* }
 
         impl $name {
-            /// Words, in the order of the variants.
+            /// Words that the setting allows, in the order of the variants.
             pub const NAMES: &'static [&'static str] = &[$($text),*];
         }
 

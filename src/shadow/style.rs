@@ -1,12 +1,12 @@
-//! Colours and markers of methods in figures.
+//! Colours and markers of shadow methods in figures.
 
-/// Colour and marker of a method. Colours come from the palette of Okabe and Ito (2008), without its pale yellow, and from
-/// Tol's muted palette (2021).
+/// Colour and marker of a shadow method in figures. Colours come from the palette of Okabe and Ito (2008), without
+/// its pale yellow, and from Tol's muted palette (2021).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Style {
-    /// sRGB.
+    /// Colour of the shadow method in figures, sRGB.
     pub color: [u8; 3],
-    /// Shape of a point.
+    /// Shape of the points of the shadow method in plots.
     pub marker: Marker,
 }
 

@@ -1,29 +1,31 @@
-//! Tolerances of maps, and the terms of the error bound that all marches share. `docs/bound.md` derives each.
+//! Numerical tolerances of shadow maps, and the terms of the error bound that all marches of light rays share.
+//! `docs/bound.md` derives each.
 
 use super::method::Bound;
 use crate::field::{BuildContext, LightSpace, SHORT_PIECE};
 
-/// Optical depth at which a light ray ends (a transmittance of 2^-11).
+/// Optical depth at which the march of a light ray ends (a transmittance of 2^-11).
 pub const OPAQUE_DEPTH: f32 = 7.6246;
-/// Largest distance between the curve and the polyline that a march hands to a sink, in transmittance.
+/// Largest difference in transmittance between the exact curve of a light ray and the polyline from its march.
 pub const CHORD_TOLERANCE: f64 = 0.0023;
-/// Steepest slope against the light at which neighbouring texels count as one surface.
+/// Largest difference in depth between neighbouring shadow map texels on one surface, in widths of a texel.
 pub const STEEPEST_SURFACE: f64 = 4.0;
 
-/// Error of four-point Gauss quadrature over stretches on which `1 - opacity` changes by a factor of 2 at most, at the
-/// transmittance at which optical depth weighs most (1/e); and a tenth of the remainder where opacity nears 1.
+/// Bound on the error in transmittance of four-point Gauss quadrature over pieces on which `1 - opacity` changes by a
+/// factor of 2 at most. It applies at a transmittance of 1/e, where an error in optical depth weighs most. It
+/// includes a tenth of the remainder where opacity nears 1.
 const QUADRATURE: f64 = 6e-4;
-/// Rounding of float32 sums ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)), at the transmittance at which it weighs
-/// most (1/e), and of `exp`.
+/// Bound on the error in transmittance from rounding of float32 sums
+/// ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)), at a transmittance of 1/e, where it weighs most, and of `exp`.
 const SUMS: f64 = 2e-4;
 
-/// Largest optical depth whose chord stays within [`CHORD_TOLERANCE`] at transmittance 1: a chord of length `h` strays by at
-/// most `h^2 sigma^2 / 8`.
+/// Returns the largest optical depth over which a chord of the transmittance curve stays within [`CHORD_TOLERANCE`]
+/// at transmittance 1. A chord of length `h` deviates by at most `h^2 sigma^2 / 8`.
 pub fn longest_depth() -> f32 {
     (8.0 * CHORD_TOLERANCE).sqrt() as f32
 }
 
-/// Error bound of a march cell by cell, before any compression.
+/// Returns the error bound of light rays that are marched cell by cell, before any compression.
 pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Bound {
     let rounding = light_space.rounding(context.volume, context.transfer.clips);
     Bound {
@@ -45,8 +47,8 @@ mod tests {
         assert!((f64::from(-OPAQUE_DEPTH).exp() * 2048.0 - 1.0).abs() < 1e-4);
     }
 
-    /// Opacity along a piece is a monotone cubic: all of them by the Bernstein coefficients of their slopes, of which
-    /// the middle one may be negative.
+    /// Returns monotone cubics, which model opacity along a piece of a ray, by the Bernstein coefficients of their
+    /// slopes. The middle coefficient may be negative.
     fn monotone_cubics() -> Vec<[f64; 3]> {
         let ends: Vec<f64> =
             (0..=24).map(|i| if i == 0 { 0.0 } else { 10f64.powf(f64::from(i - 24) / 8.0) }).collect();
@@ -88,7 +90,8 @@ mod tests {
         assert!((1e-3..1.4e-3).contains(&worst) && lost < QUADRATURE, "{worst:e}, {lost:e}");
     }
 
-    /// `exp` may be off by 3 + 2 x units in the last place (WGSL), which `T` makes little of.
+    /// Rounding errors of float32 sums and of WGSL's `exp` (3 + 2 x units in the last place) stay within the error
+    /// bound.
     #[test]
     fn sums_have_room_for_their_roundings() {
         let unit = f64::from(f32::EPSILON);

@@ -1,4 +1,4 @@
-//! Minimum and maximum over bricks of cells, for lossless empty-space skipping.
+//! Value ranges (minimum and maximum) of bricks of cells of a volume, for lossless empty-space skipping.
 //!
 //! Cells are numbered `c = floor(p + 1)` along each axis for index positions `p` in `[-0.5, n - 0.5]`, so `c` is in
 //! `0..=n`; cell `c` interpolates voxels `c - 1` and `c`, clamped to the grid. Brick `b` holds cells
@@ -12,61 +12,62 @@ use crate::with_voxels;
 use glam::DAffine3;
 use rayon::prelude::*;
 
-/// Cells along each side of a brick.
+/// Number of grid cells along each side of a brick, the unit of empty-space skipping.
 pub const BRICK_CELLS: usize = 4;
 
-/// Value ranges of all bricks, x fastest.
+/// Value ranges of all bricks of a volume, x fastest, for empty-space skipping.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bricks {
-    /// Bricks along each axis: `ceil((n + 1) / BRICK_CELLS)`.
+    /// Number of bricks along each axis: `ceil((n + 1) / BRICK_CELLS)` for `n` voxels.
     pub counts: [usize; 3],
-    /// Smallest scaled value of each brick.
+    /// Smallest physical value in each brick of the volume.
     pub min: Vec<f64>,
-    /// Largest scaled value of each brick.
+    /// Largest physical value in each brick of the volume.
     pub max: Vec<f64>,
-    /// Labels of each brick, if the volume has labels.
+    /// Segmentation labels in each brick, if the volume has labels.
     pub labels: Option<BrickLabels>,
-    /// World mm from the volume's index coordinates.
+    /// Affine from voxel indices of the volume to world coordinates (RAS+, mm).
     pub world_from_index: DAffine3,
 }
 
-/// Labels that occur in bricks.
+/// Segmentation labels that occur in each brick of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickLabels {
-    /// Labels of the volume, see [`super::Labels::ids`].
+    /// Sorted segmentation labels of the volume, see [`super::Labels::ids`].
     pub ids: Vec<u32>,
-    /// Indices into `ids` of the labels of each brick.
+    /// Set of the segmentation labels in each brick, as indices into `ids`.
     pub sets: Vec<RankSet>,
 }
 
-/// Set of label indices below 256.
+/// Set of segmentation labels, as a bit set of label indices below 256.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RankSet([u64; 4]);
 
 impl RankSet {
-    /// Adds an index.
+    /// Adds a label to the set of labels, by the index of the label.
     pub fn insert(&mut self, rank: usize) {
         self.0[rank / 64 % 4] |= 1 << (rank % 64);
     }
 
-    /// Whether the sets intersect.
+    /// Whether two sets of labels have a label in common.
     pub fn meets(&self, other: &Self) -> bool {
         self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
     }
 }
 
-/// Range of voxels that brick `b` interpolates along an axis of `n` voxels.
+/// Returns the range of voxels that brick `b` interpolates, along an axis of `n` voxels.
 fn voxel_span(b: usize, n: usize) -> std::ops::Range<usize> {
     (BRICK_CELLS * b).saturating_sub(1).min(n - 1)..(BRICK_CELLS * (b + 1)).min(n)
 }
 
 impl Bricks {
-    /// Number of bricks along each axis of a grid.
+    /// Returns the number of bricks along each axis for a grid of `dims` voxels.
     pub fn counts_for(dims: [usize; 3]) -> [usize; 3] {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Finds every brick's range; stored types are compared and only the results scaled.
+    /// Computes the value range of every brick. It compares stored values, and converts only the results to physical
+    /// values.
     pub(super) fn build(
         voxels: &Voxels,
         scaling: Scaling,
@@ -81,17 +82,17 @@ impl Bricks {
         Self { labels, world_from_index, ..bricks }
     }
 
-    /// Number of bricks.
+    /// Returns the total number of bricks of the volume.
     pub fn len(&self) -> usize {
         self.min.len()
     }
 
-    /// Whether there are no bricks (a volume has at least one).
+    /// Whether the list of bricks is empty, which is never true for a volume.
     pub fn is_empty(&self) -> bool {
         self.min.is_empty()
     }
 
-    /// Whether the values of some brick overlap `[low, high]`.
+    /// Whether the value range of some brick overlaps `[low, high]`.
     pub fn have_values(&self, low: f64, high: f64) -> bool {
         self.min.iter().zip(&self.max).any(|(&min, &max)| min <= high && max >= low)
     }
@@ -137,7 +138,7 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
     Bricks { counts, min, max, labels: None, world_from_index: DAffine3::IDENTITY }
 }
 
-/// Collects the labels of each brick.
+/// Collects the set of segmentation labels in each brick.
 fn rank_sets(ranks: &[u8], dims: [usize; 3]) -> Vec<RankSet> {
     let counts = Bricks::counts_for(dims);
     let [nx, ny, nz] = dims;

@@ -1,4 +1,4 @@
-//! Cropping of a volume by voxel indices.
+//! Crops a volume to a box of voxel indices.
 
 use super::{Volume, Voxels};
 use crate::error::{Error, Result};
@@ -9,12 +9,13 @@ use ndarray::{Array3, s};
 use std::fmt;
 use std::str::FromStr;
 
-/// Crop box `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive; an absent end is the volume's.
+/// Crop box `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive. A missing index means the first or last voxel
+/// of the volume.
 ///
-/// The result is a volume of its own: its field is clamped at its edges and ends half a voxel beyond them.
+/// The cropped volume is independent: its field is clamped at its own edges and ends half a voxel beyond them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Crop {
-    /// First and last index along i, j, k.
+    /// First and last voxel index of the crop box along i, j, k.
     pub ranges: [[Option<usize>; 2]; 3],
 }
 
@@ -61,10 +62,10 @@ impl serde::Serialize for Crop {
 }
 
 impl Volume {
-    /// Crops a volume; the voxels keep their world positions.
+    /// Crops the volume to a box; the voxels keep their world positions.
     ///
     /// # Errors
-    /// An index is beyond the volume, or no finite value remains.
+    /// The crop box exceeds the volume, or no finite value remains.
     pub fn cropped(self, crop: Crop, loading: &Loading) -> Result<Self> {
         let dims = self.dims();
         let mut ranges = [[0; 2]; 3];

@@ -1,13 +1,14 @@
-//! Directions of strands in a volume: their second moments on its grid.
+//! Second moments of strand directions on the voxel grid of a volume.
 
 use super::trilinear;
 use crate::error::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Sums of `u u^T` over unit directions `u` for each voxel of a volume's grid.
+/// Weighted sums of `u u^T` over the unit directions `u` of the strands in each voxel of a volume.
 ///
-/// A strand has no sign: `u` and `-u` are the same direction, and `u u^T` does not depend on the sign. Divided by its trace,
-/// the sum is the mean `m` of `u u^T`, and `l^T m l` is the mean squared cosine between the strands and a unit vector `l`.
+/// A strand has no sign: `u` and `-u` are the same direction, and `u u^T` does not depend on the sign. Divided by its
+/// trace, the sum is the mean `m` of `u u^T`, and `l^T m l` is the mean squared cosine between the strands and a unit
+/// vector `l`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DirectionMoments {
     dims: [usize; 3],
@@ -16,11 +17,11 @@ pub struct DirectionMoments {
 }
 
 impl DirectionMoments {
-    /// Stores the moments `xx, yy, zz, xy, xz, yz` of each voxel in world axes, x fastest. The trace is the weight of the
-    /// directions; for strands it is the extinction in 1/mm.
+    /// Stores the second moments `xx, yy, zz, xy, xz, yz` of the strand directions in each voxel, in world axes, x
+    /// fastest. The trace is the total weight of the directions; for strands it is the extinction in 1/mm.
     ///
     /// # Errors
-    /// The number of values is 0 or not that of the voxels.
+    /// There are no moments, or their number differs from the number of voxels.
     pub fn new(dims: [usize; 3], world_from_index: DAffine3, values: Vec<[f32; 6]>) -> Result<Self> {
         let [nx, ny, nz] = dims;
         if values.is_empty() || values.len() != nx * ny * nz {
@@ -30,22 +31,23 @@ impl DirectionMoments {
         Ok(Self { dims, index_from_world: world_from_index.inverse(), values })
     }
 
-    /// Voxels along each axis.
+    /// Returns the number of voxels of the direction grid along x, y and z.
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }
 
-    /// Moments `xx, yy, zz, xy, xz, yz` of each voxel, x fastest.
+    /// Returns the second moments `xx, yy, zz, xy, xz, yz` of the strand directions in each voxel, x fastest.
     pub fn values(&self) -> &[[f32; 6]] {
         &self.values
     }
 
-    /// Largest trace of a voxel.
+    /// Returns the largest trace of the second moments of any voxel: the largest extinction of the strands, 1/mm.
     pub fn largest_trace(&self) -> f64 {
         self.values.iter().map(trace).fold(0.0, f64::max)
     }
 
-    /// Mean of `u u^T` at `x` (world mm), from trilinear moments clamped at the edge; `None` without strands there.
+    /// Returns the mean of `u u^T` over the strand directions at `x` (world mm). Moments are interpolated trilinearly
+    /// and clamped at the edge; `None` without strands there.
     pub fn mean_at(&self, x: DVec3) -> Option<DMat3> {
         let mut sum = [0.0; 6];
         for ([i, j, k], weight) in trilinear(self.index_from_world.transform_point3(x), self.dims) {
@@ -60,7 +62,7 @@ impl DirectionMoments {
     }
 }
 
-/// Total weight of the directions of a voxel.
+/// Returns the trace of the second moments of a voxel: the total weight of its strand directions.
 fn trace([xx, yy, zz, ..]: &[f32; 6]) -> f64 {
     f64::from(*xx) + f64::from(*yy) + f64::from(*zz)
 }

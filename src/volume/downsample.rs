@@ -1,4 +1,4 @@
-//! Downsampling: means of blocks of voxels, by integer factors along each axis.
+//! Downsamples a volume to means of voxel blocks, by integer factors along each axis.
 
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
@@ -10,18 +10,18 @@ use ndarray::Array3;
 use std::fmt;
 use std::str::FromStr;
 
-/// Target of downsampling.
+/// Target size of downsampling a volume: automatic, a memory limit, or factors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Downsample {
-    /// Size that fits the adapter's textures and the free memory.
+    /// Downsamples to a size that fits the textures of the GPU and the free memory.
     Auto,
-    /// Largest number of bytes of the voxels in host memory.
+    /// Largest size of the downsampled voxels in host memory, bytes.
     Bytes(u64),
-    /// Voxels of a block along i, j, k.
+    /// Downsampling factors along i, j, k: the number of voxels that are averaged to one.
     Factors([usize; 3]),
 }
 
-/// Largest factor along an axis.
+/// Largest downsampling factor along an axis.
 const MAX_FACTOR: usize = 1024;
 
 impl FromStr for Downsample {
@@ -76,11 +76,11 @@ impl serde::Serialize for Downsample {
     }
 }
 
-/// Block means of a grid whose rows arrive in order.
+/// Downsampler that averages blocks of voxels while the rows of a volume arrive in order.
 pub(super) struct BlockMeans<T> {
     dims: [usize; 3],
     factors: [usize; 3],
-    /// Sums and counts of finite values in the current layer of blocks.
+    /// Sum and number of the finite voxel values of each block in the current layer of blocks.
     sums: Vec<f64>,
     counts: Vec<u32>,
     rows: usize,
@@ -88,7 +88,7 @@ pub(super) struct BlockMeans<T> {
 }
 
 impl<T: Voxel> BlockMeans<T> {
-    /// Means of blocks of `factors` voxels; `None` without memory for a layer.
+    /// Creates a downsampler with blocks of `factors` voxels; `None` without memory for one layer of blocks.
     pub(super) fn new(dims: [usize; 3], factors: [usize; 3]) -> Option<Self> {
         let [width, height, _] = reduced_dims(dims, factors);
         let layer = width.checked_mul(height)?;
@@ -100,7 +100,7 @@ impl<T: Voxel> BlockMeans<T> {
         Some(Self { dims, factors, sums, counts, rows: 0, values: Vec::new() })
     }
 
-    /// Adds the next row; `None` without memory for the means.
+    /// Adds the next row of voxels to the block means; `None` without memory for the means.
     pub(super) fn push_row(&mut self, row: &[T]) -> Option<()> {
         let ([_, ny, nz], [fx, fy, fz]) = (self.dims, self.factors);
         let (j, k) = (self.rows % ny, self.rows / ny);
@@ -126,7 +126,7 @@ impl<T: Voxel> BlockMeans<T> {
         Some(())
     }
 
-    /// Returns the means; `None` if rows are missing.
+    /// Returns the downsampled voxels; `None` if rows are missing.
     pub(super) fn finish(self) -> Option<Array3<T>> {
         let [x, y, z] = reduced_dims(self.dims, self.factors);
         Array3::from_shape_vec((z, y, x), self.values).ok()
@@ -134,10 +134,11 @@ impl<T: Voxel> BlockMeans<T> {
 }
 
 impl Volume {
-    /// Downsamples to the means of blocks, rounded to the stored type. Incomplete blocks at the far ends are averaged too.
+    /// Downsamples the volume to means of voxel blocks, rounded to the stored type. Incomplete blocks at the far ends
+    /// are averaged too.
     ///
     /// # Errors
-    /// There is no memory for the means, or it was cancelled.
+    /// There is not enough memory for the downsampled voxels, or downsampling was cancelled.
     pub fn downsampled(self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
         if factors == [1; 3] {
             return Ok(self);
@@ -158,7 +159,8 @@ impl Volume {
         Ok(volume.downsampled_from(factors, dims))
     }
 
-    /// Adjusts the affine of voxels that are block means of a grid of `from` voxels, and adds a note.
+    /// Adjusts the affine of a volume whose voxels were downsampled from a grid of `from` voxels, and adds a warning
+    /// about it.
     pub(crate) fn downsampled_from(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
         let [fx, fy, fz] = factors;
         let scale = DVec3::from_array(factors.map(|n| n as f64));

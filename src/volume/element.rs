@@ -1,6 +1,6 @@
-//! Element types of voxels in files.
+//! Number types of the voxels in volume files.
 
-/// Element type of the voxels in a file.
+/// Number type of the voxels in a volume file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "names of standard types")]
 pub enum Element {
@@ -16,17 +16,17 @@ pub enum Element {
     F64,
 }
 
-/// Order of the bytes of an element in a file.
+/// Byte order of the numbers in a volume file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ByteOrder {
-    /// Least significant byte first.
+    /// Little-endian byte order: least significant byte first.
     #[default]
     Little,
-    /// Most significant byte first.
+    /// Big-endian byte order: most significant byte first.
     Big,
 }
 
-/// Short name, long name and size in bytes of each [`Element`].
+/// Short name, long name and size in bytes of each voxel type ([`Element`]).
 const ELEMENTS: [(Element, &str, &str, usize); 10] = [
     (Element::U8, "u8", "uint8", 1),
     (Element::I8, "i8", "int8", 1),
@@ -41,12 +41,13 @@ const ELEMENTS: [(Element, &str, &str, usize); 10] = [
 ];
 
 impl Element {
-    /// Element of a short (`u8`) or long name (`uint8`).
+    /// Finds a voxel type by its short name (`u8`) or long name (`uint8`).
     pub fn from_name(name: &str) -> Option<Self> {
         ELEMENTS.iter().find(|(_, short, long, _)| name == *short || name == *long).map(|e| e.0)
     }
 
-    /// Element of a type of C, such as `unsigned short` or `ushort`, with blanks or underscores; not `long`, whose size varies.
+    /// Finds a voxel type by a type name of C, such as `unsigned short` or `ushort`, with blanks or underscores.
+    /// `long` is not accepted, since its size varies.
     pub fn from_c_name(name: &str) -> Option<Self> {
         let name = name.to_ascii_lowercase().replace('_', " ");
         let unsigned = name.strip_prefix("unsigned ").or_else(|| name.strip_prefix('u'));
@@ -66,17 +67,17 @@ impl Element {
         })
     }
 
-    /// Long name, e.g. `uint8`.
+    /// Long name of the voxel type, e.g. `uint8`.
     pub fn name(self) -> &'static str {
         ELEMENTS[self as usize].2
     }
 
-    /// Size of one element in a file.
+    /// Size of one voxel of this type in a file, bytes.
     pub fn bytes(self) -> usize {
         ELEMENTS[self as usize].3
     }
 
-    /// Size of one element in memory, as [`super::Voxels`] store it.
+    /// Size of one voxel in memory, bytes, after the conversion to a type of [`super::Voxels`].
     pub fn memory_bytes(self) -> u64 {
         match self {
             Self::U8 => 1,
@@ -86,13 +87,14 @@ impl Element {
         }
     }
 
-    /// Kind and size as NumPy names them, e.g. `i2`.
+    /// Type name of NumPy for the voxel type, without byte order, e.g. `i2`.
     pub fn numpy_name(self) -> String {
         let (_, short, _, bytes) = ELEMENTS[self as usize];
         format!("{}{bytes}", &short[..1])
     }
 
-    /// Element and byte order of a NumPy name such as `<i2`; the native order is taken as little-endian.
+    /// Parses voxel type and byte order from a type name of NumPy such as `<i2`. Native order is taken as
+    /// little-endian.
     pub fn from_numpy(name: &str) -> Option<(Self, ByteOrder)> {
         let kind = name.strip_prefix(['<', '>', '|', '=']).unwrap_or(name);
         let order = if name.starts_with('>') { ByteOrder::Big } else { ByteOrder::Little };
@@ -103,14 +105,14 @@ impl Element {
         Some((element?, order))
     }
 
-    /// Name for people: `uint8`, `int16 big-endian`.
+    /// Describes voxel type and byte order for the user, e.g. `uint8`, `int16 big-endian`.
     pub fn describe(self, order: ByteOrder) -> String {
         let suffix = if order == ByteOrder::Big && self.bytes() > 1 { " big-endian" } else { "" };
         format!("{}{suffix}", self.name())
     }
 }
 
-/// Bytes of a grid of voxels; `None` on overflow.
+/// Returns the size of a grid of voxels in bytes; `None` on overflow.
 pub fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
     dims.iter().try_fold(voxel_bytes, |bytes, &n| bytes.checked_mul(n as u64))
 }

@@ -1,4 +1,4 @@
-//! Histogram of a volume's values, with and without gradient weights.
+//! Histogram of the voxel values of a volume, with and without gradient weights.
 
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
@@ -6,31 +6,33 @@ use crate::files::loading::{Loading, ReadingStage};
 use crate::with_voxels;
 use rayon::prelude::*;
 
-/// Histogram with equal bins over the value range.
+/// Histogram of the voxel values of a volume, with bins of equal width over the value range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Start of the first bin and end of the last: the value range, and half a stored step beyond it for integers.
+    /// Start of the first histogram bin and end of the last. For integer voxels, the range extends at least half a
+    /// stored step beyond the smallest and largest value.
     pub range: [f64; 2],
-    /// Voxels in each bin.
+    /// Number of voxels in each histogram bin.
     pub counts: Vec<u64>,
-    /// Sum of the gradient magnitude (value units per mm, forward differences) over the voxels in each bin.
+    /// Sum of the gradient magnitudes of the voxels in each histogram bin (value units per mm, forward differences).
     pub gradients: Vec<f64>,
 }
 
 impl Histogram {
-    /// Counts a volume's values into at most `max_bins` bins, with progress and cancellation.
+    /// Computes the histogram of a volume with at most `max_bins` bins, with progress and cancellation through
+    /// `loading`.
     ///
     /// Each bin spans the same number of stored integers, which avoids comb artefacts.
     ///
     /// # Errors
-    /// It was cancelled.
+    /// Counting was cancelled.
     pub fn of_with(volume: &Volume, max_bins: usize, loading: &Loading) -> Result<Self> {
         let histogram = Self::count(volume, max_bins, loading);
         loading.go_on(&volume.provenance.source)?;
         Ok(histogram)
     }
 
-    /// Counts a volume's values into at most `max_bins` bins.
+    /// Computes the histogram of a volume with at most `max_bins` bins.
     pub fn of(volume: &Volume, max_bins: usize) -> Self {
         Self::count(volume, max_bins, &Loading::default())
     }
@@ -81,7 +83,7 @@ impl Histogram {
     }
 }
 
-/// Range and number of the bins.
+/// Returns the value range and the number of the histogram bins.
 fn bins_of(volume: &Volume, max_bins: usize) -> ([f64; 2], usize) {
     let [lo, hi] = volume.value_range();
     let step = volume.scaling().slope.abs();

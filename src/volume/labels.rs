@@ -1,28 +1,29 @@
-//! Label of every voxel of a volume.
+//! Segmentation labels of the voxels of a volume.
 
 use crate::files::memory_budget::refuse_beyond_host;
 use rayon::prelude::*;
 
-/// Largest number of different labels of a volume, 0 among them.
+/// Largest number of different segmentation labels of a volume, including label 0.
 pub const MAX_LABELS: usize = 256;
 
-/// Voxels that one task processes.
+/// Number of voxels that one parallel task processes when labels are collected.
 const CHUNK: usize = 1 << 16;
 
-/// Label of every voxel of a volume.
+/// Segmentation label of every voxel of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labels {
-    /// Labels that occur, ascending; at most [`MAX_LABELS`].
+    /// Segmentation labels that occur in the volume, ascending; at most [`MAX_LABELS`].
     ids: Vec<u32>,
-    /// Index into `ids` for each voxel in memory order.
+    /// Segmentation label of each voxel as an index into `ids`, x fastest.
     ranks: Vec<u8>,
     counts: Vec<usize>,
-    /// Whether the segmentation has another grid than the volume.
+    /// Whether the segmentation was resampled, because its grid differs from that of the volume.
     pub resampled: bool,
 }
 
 impl Labels {
-    /// Collects the labels of voxels, x fastest. Two passes over `label_at` need memory for the ranks alone.
+    /// Collects the segmentation labels of all voxels, x fastest. It calls `label_at` twice per voxel to need only
+    /// one byte of memory for each.
     pub(super) fn new(
         voxels: usize,
         label_at: impl Fn(usize) -> Result<u32, f64> + Sync,
@@ -61,17 +62,17 @@ impl Labels {
         Ok(Self { ids, ranks, counts, resampled })
     }
 
-    /// Labels that occur, ascending.
+    /// Returns the segmentation labels that occur in the volume, ascending.
     pub fn ids(&self) -> &[u32] {
         &self.ids
     }
 
-    /// Index into [`Self::ids`] for each voxel in memory order.
+    /// Returns the segmentation label of each voxel as an index into [`Self::ids`], x fastest.
     pub fn ranks(&self) -> &[u8] {
         &self.ranks
     }
 
-    /// Number of voxels of each label of [`Self::ids`].
+    /// Returns the number of voxels of each segmentation label of [`Self::ids`].
     pub fn counts(&self) -> &[usize] {
         &self.counts
     }

@@ -1,7 +1,7 @@
-//! Scalar field on a regular grid with an affine to world millimetres (RAS+).
+//! Volume: a scalar field on a regular voxel grid, with an affine to world coordinates (RAS+, mm).
 //!
-//! Voxel centres are at integer index coordinates `(i, j, k)`. Between them the field is trilinear, clamped at the edge. Its
-//! domain is `[-0.5, n - 0.5]^3` in index space; outside the extinction is zero.
+//! Voxel centres are at integer index coordinates `(i, j, k)`. Between them the field is trilinear, clamped at the
+//! edge. Its domain is `[-0.5, n - 0.5]^3` in index space; outside the extinction is zero.
 
 mod bricks;
 mod crop;
@@ -31,58 +31,58 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Part of a file that gave the affine.
+/// Kind of file metadata from which the affine of a volume was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AffineSource {
-    /// The `sform` of a NIfTI file.
+    /// The affine is the `sform` of a NIfTI file.
     Sform,
-    /// The `qform` of a NIfTI file.
+    /// The affine is the `qform` of a NIfTI file.
     Qform,
-    /// Axis directions and an origin.
+    /// The affine comes from axis directions and an origin in the volume file.
     Axes,
-    /// Voxel sizes only.
+    /// The affine comes from voxel sizes only, without orientation.
     Spacing,
 }
 
-/// Meaning of the values by their file, with the evidence, e.g. `DICOM modality CT`.
+/// Meaning of the voxel values according to the volume file, with the evidence, e.g. `DICOM modality CT`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum ValueMeaning {
-    /// The file gives no meaning.
+    /// The volume file does not tell the meaning of its values.
     #[default]
     Unknown,
-    /// Hounsfield units.
+    /// The voxel values are Hounsfield units; the text gives the evidence.
     Hounsfield(String),
-    /// Another quantity, e.g. MR intensities or a statistic.
+    /// The voxel values are another quantity, e.g. MR intensities or a statistic; the text gives the evidence.
     Other(String),
 }
 
-/// Origin and metadata of a volume, for `info`.
+/// Origin and metadata of a volume, as the command `info` prints them.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Provenance {
-    /// Path or `phantom:NAME:SIZE`.
+    /// Path of the volume file, or `phantom:NAME:SIZE` for a built-in volume.
     pub source: String,
-    /// `nifti1`, `nifti2`, `raw`, `phantom`, ...
+    /// Name of the file format: `nifti1`, `nifti2`, `raw`, `phantom`, ...
     pub format: String,
-    /// Element type in the file, e.g. `uint8`, `int16 big-endian`.
+    /// Voxel type in the volume file, e.g. `uint8`, `int16 big-endian`.
     pub stored_type: String,
-    /// Origin of the affine.
+    /// Kind of file metadata that gave the affine of the volume.
     pub affine_source: AffineSource,
-    /// Number of frames in the file.
+    /// Number of frames in the volume file.
     pub frames: usize,
-    /// Frame that was read, from 0.
+    /// Index of the frame that was read from the volume file, from 0.
     pub frame: usize,
-    /// Meaning of the values.
+    /// Meaning of the voxel values, e.g. Hounsfield units.
     #[serde(skip)]
     pub values: ValueMeaning,
-    /// Number of non-finite voxels, which the smallest finite value replaces.
+    /// Number of voxels that were NaN or infinite and were set to the smallest finite value.
     pub non_finite: usize,
-    /// Warnings, one line each.
+    /// Warnings from reading the volume, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Provenance {
-    /// Provenance of a single frame with voxel sizes only and no warnings.
+    /// Creates the metadata of a volume with one frame, an affine from voxel sizes, and no warnings.
     pub fn new(source: impl Into<String>, format: &str, stored_type: impl Into<String>) -> Self {
         Self {
             source: source.into(),
@@ -98,7 +98,8 @@ impl Provenance {
     }
 }
 
-/// Volume: stored values, their scaling, and the affine to world millimetres (RAS+).
+/// Volume: stored voxel values, their linear mapping to physical values, and the affine to world coordinates (RAS+,
+/// mm).
 #[derive(Debug, Clone)]
 pub struct Volume {
     voxels: Voxels,
@@ -108,16 +109,16 @@ pub struct Volume {
     stored_range: [f64; 2],
     labels: Option<Arc<Labels>>,
     bricks: OnceLock<Bricks>,
-    /// Origin and metadata.
+    /// Origin and metadata of the volume.
     pub provenance: Provenance,
 }
 
 impl Volume {
-    /// Creates a volume; `world_from_index` maps index coordinates to world mm.
+    /// Creates a volume; `world_from_index` maps voxel indices to world mm (RAS+).
     ///
     /// # Errors
-    /// A dimension is 0, the affine is singular or not finite, the slope is 0, scaled values overflow, or no value is
-    /// finite.
+    /// A dimension is 0, the affine is singular or not finite, the slope is 0, physical values overflow, or no value
+    /// is finite.
     pub fn new(
         voxels: Voxels,
         scaling: Scaling,
@@ -127,10 +128,10 @@ impl Volume {
         Self::new_with(voxels, scaling, world_from_index, provenance, &Loading::default())
     }
 
-    /// Creates a volume with progress and cancellation.
+    /// Creates a volume, reporting progress to `loading`, which can cancel it.
     ///
     /// # Errors
-    /// See [`Self::new`]; or it was cancelled.
+    /// See [`Self::new`]; or `loading` was cancelled.
     pub fn new_with(
         mut voxels: Voxels,
         scaling: Scaling,
@@ -185,66 +186,67 @@ impl Volume {
         })
     }
 
-    /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.
+    /// Returns the number of voxels `[nx, ny, nz]` along the index axes `i, j, k`.
     pub fn dims(&self) -> [usize; 3] {
         let s = with_voxels!(&self.voxels, a => a.dim());
         [s.2, s.1, s.0]
     }
 
-    /// Stored values.
+    /// Returns the stored voxel values, before the mapping to physical values.
     pub fn voxels(&self) -> &Voxels {
         &self.voxels
     }
 
-    /// Scaling of the stored values.
+    /// Returns the linear mapping from stored voxel values to physical values.
     pub fn scaling(&self) -> Scaling {
         self.scaling
     }
 
-    /// World mm (RAS+) from index coordinates.
+    /// Returns the affine from voxel indices to world coordinates (RAS+, mm).
     pub fn world_from_index(&self) -> DAffine3 {
         self.world_from_index
     }
 
-    /// Index coordinates from world mm (RAS+).
+    /// Returns the affine from world coordinates (RAS+, mm) to voxel indices.
     pub fn index_from_world(&self) -> DAffine3 {
         self.index_from_world
     }
 
-    /// Distance between neighbouring voxel centres along each index axis, mm.
+    /// Returns the distance between neighbouring voxel centres along each index axis, mm.
     pub fn spacing_mm(&self) -> [f64; 3] {
         let m = self.world_from_index.matrix3;
         [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()]
     }
 
-    /// Smallest of the three spacings, mm: the unit of `--step`.
+    /// Returns the smallest of the three voxel spacings, mm. It is the unit of `--step`.
     pub fn min_spacing_mm(&self) -> f64 {
         self.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Smallest and largest stored (unscaled) value.
+    /// Returns the smallest and largest stored voxel value, before the mapping to physical values.
     pub fn stored_range(&self) -> [f64; 2] {
         self.stored_range
     }
 
-    /// Smallest and largest scaled value.
+    /// Returns the smallest and largest physical value of the volume.
     pub fn value_range(&self) -> [f64; 2] {
         let [a, b] = self.stored_range.map(|s| self.scaling.apply(s));
         [a.min(b), a.max(b)]
     }
 
-    /// Scaled value of one voxel.
+    /// Returns the physical value of one voxel.
     pub fn value(&self, i: usize, j: usize, k: usize) -> f64 {
         self.scaling.apply(with_voxels!(&self.voxels, a => a[[k, j, i]].to_f64()))
     }
 
-    /// Scaled value at an index position: trilinear between voxel centres, clamped at the edge.
+    /// Returns the physical value at a position in index coordinates: trilinear between voxel centres, clamped at the
+    /// edge.
     pub fn value_at(&self, index: DVec3) -> f64 {
         let corners = trilinear(index, self.dims());
         corners.into_iter().fold(0.0, |sum, ([i, j, k], weight)| sum + weight * self.value(i, j, k))
     }
 
-    /// Eight corners of the domain `[-0.5, n - 0.5]^3`, world mm.
+    /// Returns the eight corners of the volume's domain `[-0.5, n - 0.5]^3` in world mm.
     pub fn corners_mm(&self) -> [DVec3; 8] {
         let n = self.dims().map(|n| n as f64 - 0.5);
         std::array::from_fn(|c| {
@@ -253,7 +255,7 @@ impl Volume {
         })
     }
 
-    /// Range of values in each brick, computed once per volume.
+    /// Returns the value range of each brick of voxels, for empty-space skipping. It is computed once per volume.
     pub fn bricks(&self) -> &Bricks {
         self.bricks.get_or_init(|| {
             let labels = self.labels.as_deref();
@@ -261,15 +263,15 @@ impl Volume {
         })
     }
 
-    /// Segmentation label of every voxel, if there is a segmentation.
+    /// Returns the segmentation label of every voxel, if the volume has a segmentation.
     pub fn labels(&self) -> Option<&Arc<Labels>> {
         self.labels.as_ref()
     }
 
-    /// Adds labels.
+    /// Adds segmentation labels to the volume.
     ///
     /// # Errors
-    /// The number of labels is not that of the voxels.
+    /// The number of labels differs from the number of voxels.
     pub fn labelled(self, labels: Arc<Labels>) -> Result<Self> {
         let voxels = with_voxels!(&self.voxels, a => a.len());
         if labels.ranks().len() != voxels {
@@ -279,13 +281,13 @@ impl Volume {
         Ok(Self { labels: Some(labels), bricks: OnceLock::new(), ..self })
     }
 
-    /// Bytes of the stored voxels in host memory.
+    /// Returns the size of the stored voxels in host memory, bytes.
     pub fn bytes(&self) -> u64 {
         self.voxels.bytes().len() as u64
     }
 }
 
-/// Voxels around an index position with their trilinear weights, clamped at the edge of the grid.
+/// Returns the eight voxels around a position in index coordinates with their trilinear weights, clamped at the edge.
 fn trilinear(position: DVec3, dims: [usize; 3]) -> [([usize; 3], f64); 8] {
     let axes: [[(usize, f64); 2]; 3] = std::array::from_fn(|axis| {
         let last = dims[axis] - 1;
@@ -299,7 +301,8 @@ fn trilinear(position: DVec3, dims: [usize; 3]) -> [([usize; 3], f64); 8] {
     })
 }
 
-/// Smallest and largest finite stored value, if any; meaningless once `loading` was cancelled.
+/// Returns the smallest and largest finite stored value; `None` without a finite value. The result is meaningless if
+/// `loading` was cancelled.
 fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
     const CHUNK: usize = 1 << 16;
     fn range<T: Voxel>(values: &[T], loading: &Loading) -> [f64; 2] {
@@ -322,7 +325,7 @@ fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
     (lo <= hi).then_some([lo, hi])
 }
 
-/// Replaces non-finite voxels by a stored value; returns their number.
+/// Sets voxels that are NaN or infinite to `stored`; returns their number.
 fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
     fn replace<T: Voxel>(array: &mut Array3<T>, stored: f64) -> usize {
         let non_finite = array.iter_mut().filter(|v| !v.to_f64().is_finite());

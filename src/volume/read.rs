@@ -1,4 +1,4 @@
-//! Readers of voxels, of bounded memory.
+//! Reads voxels from a stream, with memory bounded by the data that arrive.
 
 use super::downsample::BlockMeans;
 use super::element::{ByteOrder, Element};
@@ -7,10 +7,10 @@ use ndarray::Array3;
 use std::fmt;
 use std::io::{self, Read};
 
-/// Reason why voxels cannot be read.
+/// Reason why the voxels of a volume cannot be read.
 #[derive(Debug)]
 pub enum ReadFailure {
-    /// The data end after `got` bytes.
+    /// The voxel data end early, after `got` bytes.
     Short {
         got: u64,
     },
@@ -28,8 +28,8 @@ impl fmt::Display for ReadFailure {
     }
 }
 
-/// Runs `$body` with `$convert` bound to the conversion from stored bytes to a number in memory; the resulting array becomes
-/// [`Voxels`].
+/// Runs `$body` with `$convert` bound to a function that converts the stored bytes of a voxel to a number in memory.
+/// The array that `$body` returns becomes [`Voxels`].
 macro_rules! with_element {
     ($element:expr, $order:expr, $convert:ident => $body:expr) => {{
         use $crate::volume::element::{ByteOrder, Element};
@@ -59,15 +59,15 @@ macro_rules! with_element {
 }
 pub(crate) use with_element;
 
-/// Bytes converted at a time; a multiple of every element size.
+/// Number of voxel bytes that are converted at a time; a multiple of every voxel size.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Reads `dims` voxels (`i` fastest), or with `factors` the means of blocks of voxels.
+/// Reads a grid of `dims` voxels (`i` fastest). With `factors` it downsamples them to block means while it reads.
 ///
-/// Memory grows with the data that arrive, and never with the claims of a header.
+/// Memory grows with the data that arrive, not with the size that a header claims.
 ///
 /// # Errors
-/// The data end early, cannot be read, or do not fit into memory.
+/// The voxel data end early, cannot be read, or do not fit into memory.
 pub(crate) fn read_voxels(
     input: &mut impl Read,
     dims: [usize; 3],
@@ -81,10 +81,10 @@ pub(crate) fn read_voxels(
     }
 }
 
-/// Reads voxels whose last axis runs fastest, without a second copy of them.
+/// Reads a grid of `dims` voxels that is stored with the last axis fastest, without a second copy in memory.
 ///
 /// # Errors
-/// The data end early, cannot be read, or do not fit into memory.
+/// The voxel data end early, cannot be read, or do not fit into memory.
 pub fn read_transposed(
     input: &mut impl Read,
     dims: [usize; 3],
@@ -141,7 +141,7 @@ fn read_array<T, const N: usize>(
     Array3::from_shape_vec((dims[2], dims[1], dims[0]), values).map_err(|_| ReadFailure::Memory)
 }
 
-/// Reads rows and reduces them to block means.
+/// Reads rows of voxels and downsamples them to block means.
 fn read_means<T: Voxel, const N: usize>(
     input: &mut impl Read,
     dims: [usize; 3],
@@ -168,7 +168,7 @@ fn read_means<T: Voxel, const N: usize>(
     means.finish().ok_or(ReadFailure::Memory)
 }
 
-/// Fills `buffer` up to the end of the input; returns the number of bytes read.
+/// Reads from `input` until `buffer` is full or the input ends; returns the number of bytes read.
 pub(crate) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {

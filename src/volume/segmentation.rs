@@ -1,20 +1,21 @@
-//! Sampling of a segmentation at the voxels of another volume.
+//! Samples a segmentation at the voxels of another volume.
 
 use super::{Labels, Volume, Voxel};
 use crate::error::{Error, Result};
 use crate::with_voxels;
 use glam::{DAffine3, DVec3};
 
-/// Largest distance of a stored label from an integer.
+/// Largest distance of a segmentation value from an integer at which it still counts as a label.
 const INTEGER_TOLERANCE: f64 = 1e-3;
-/// Largest distance between voxels of two grids that count as the same grid, in voxels.
+/// Largest distance between corresponding voxels at which two voxel grids count as equal, in voxels.
 const GRID_TOLERANCE: f64 = 1e-3;
 
 impl Labels {
-    /// Samples a segmentation at the voxels of `volume`, by its nearest voxel; outside of it the label is 0.
+    /// Samples a segmentation at the voxels of `volume`. Each voxel takes the label of the nearest segmentation
+    /// voxel, or 0 outside of the segmentation.
     ///
     /// # Errors
-    /// A value is no label (an integer from 0 to 2^32 - 1), or there are more than [`MAX_LABELS`] of them.
+    /// A value is no label (an integer from 0 to 2^32 - 1), or there are more than [`MAX_LABELS`] labels.
     pub fn sampled(segmentation: &Volume, volume: &Volume) -> Result<Self> {
         let source = segmentation.dims();
         let [nx, ny, nz] = volume.dims();
@@ -43,7 +44,7 @@ impl Labels {
     }
 }
 
-/// Label of a value; the value itself if it is none.
+/// Rounds a segmentation value to a label; returns the value as an error if it is none.
 fn label(value: f64) -> std::result::Result<u32, f64> {
     let integer = value.round();
     let is_label =
@@ -51,7 +52,7 @@ fn label(value: f64) -> std::result::Result<u32, f64> {
     if is_label { Ok(integer as u32) } else { Err(value) }
 }
 
-/// Whether an index map moves no voxel of a grid.
+/// Whether an affine map of voxel indices leaves all corners of a grid in place.
 fn is_identity(map: DAffine3, dims: [usize; 3]) -> bool {
     (0..8).all(|corner| {
         let at = |axis: usize| if corner >> axis & 1 == 0 { 0.0 } else { dims[axis] as f64 };

@@ -1,12 +1,13 @@
-//! Stored voxel values and their scaling.
+//! Stored voxel values, and their linear mapping to physical values.
 
 use super::element::Element;
 use ndarray::Array3;
 
-/// Stored voxel values before scaling, contiguous in memory order `[[k, j, i]]` (`i` runs fastest).
+/// Stored voxel values before the mapping to physical values, contiguous in memory order `[[k, j, i]]` (`i` runs
+/// fastest).
 ///
-/// Other types of files are widened to the next type that holds their values: `i8` to `i16`, 32- and 64-bit integers to
-/// `f64`.
+/// Other voxel types of files are widened to the next type that holds their values: `i8` to `i16`, 32- and 64-bit
+/// integers to `f64`.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "names of standard types")]
 pub enum Voxels {
@@ -28,7 +29,7 @@ macro_rules! from_arrays {
 }
 from_arrays!(U8(u8), I16(i16), U16(u16), F32(f32), F64(f64));
 
-/// Runs `$body` with `$array` bound to the typed array of a [`Voxels`].
+/// Runs `$body` with `$array` bound to the typed array inside a [`Voxels`].
 #[macro_export]
 macro_rules! with_voxels {
     ($voxels:expr, $array:ident => $body:expr) => {
@@ -43,7 +44,7 @@ macro_rules! with_voxels {
 }
 
 impl Voxels {
-    /// Element type.
+    /// Returns the number type of the voxels.
     pub fn element(&self) -> Element {
         match self {
             Self::U8(_) => Element::U8,
@@ -54,22 +55,22 @@ impl Voxels {
         }
     }
 
-    /// Voxels as little-endian bytes, x fastest.
+    /// Returns the voxels as little-endian bytes, x fastest.
     pub fn bytes(&self) -> &[u8] {
         const { assert!(cfg!(target_endian = "little")) };
         with_voxels!(self, a => bytemuck::cast_slice(a.as_slice().unwrap_or_default()))
     }
 }
 
-/// Stored voxel type that converts to `f64` without loss.
+/// Number type of stored voxels, which converts to `f64` without loss.
 pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
-    /// Converts without loss.
+    /// Converts the voxel value to `f64` without loss.
     fn to_f64(self) -> f64;
 
-    /// Converts towards 0, and to the type's limit beyond its range.
+    /// Converts a number to the voxel type. Integer types truncate towards 0 and clamp to their range.
     fn from_f64(value: f64) -> Self;
 
-    /// Converts to the nearest value of the type.
+    /// Converts a number to the nearest value of the voxel type.
     fn nearest(value: f64) -> Self;
 }
 
@@ -94,26 +95,26 @@ macro_rules! voxel {
 voxel!(f64::round => u8, i16, u16);
 voxel!(f64::from => f32, f64);
 
-/// Linear scaling of stored values: `value = stored * slope + intercept`.
+/// Linear mapping from stored voxel values to physical values: `value = stored * slope + intercept`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Scaling {
-    /// Factor of the stored value.
+    /// Slope of the linear mapping from stored to physical values (DICOM Rescale Slope).
     pub slope: f64,
-    /// Offset of the scaled value.
+    /// Intercept of the linear mapping from stored to physical values (DICOM Rescale Intercept).
     pub intercept: f64,
 }
 
 impl Scaling {
-    /// Identity scaling.
+    /// Identity mapping: physical values equal stored values.
     pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
 
-    /// Scales a stored value.
+    /// Returns the physical value of a stored voxel value.
     #[inline]
     pub fn apply(&self, stored: f64) -> f64 {
         stored * self.slope + self.intercept
     }
 
-    /// Returns the stored value of a scaled one.
+    /// Returns the stored value that maps to a physical value.
     pub fn invert(&self, value: f64) -> f64 {
         (value - self.intercept) / self.slope
     }

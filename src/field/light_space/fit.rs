@@ -1,4 +1,5 @@
-//! Fit of a map to the active bricks, or to those that the camera may see.
+//! Fits the projection of a shadow map to the active bricks (those with extinction), or to those that the camera may
+//! see.
 
 use super::boxes::{GridBox, Region, active_rows};
 use super::mapping::{LightSpace, MapShape, Projection};
@@ -8,28 +9,29 @@ use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-/// Tangent of the largest half angle of a perspective map. A wider map becomes octahedral, since its corner texels would be
-/// far coarser than its centre.
+/// Tangent of the largest half angle of a perspective shadow map. A wider map becomes octahedral, since its corner
+/// texels would be far coarser than its central ones.
 const WIDEST_TANGENT: f64 = 2.0;
 
-/// Range of texels per side, where the scene chooses.
+/// Smallest and largest number of texels per side of a shadow map, if the scene determines it.
 const LEAST_TEXELS: f64 = 64.0;
 const MOST_TEXELS: f64 = 2048.0;
-/// Pixels per texel where voxels appear larger than that, and most texels across such a voxel: the field between voxels is
-/// smooth.
+/// Width of a shadow-map texel in screen pixels, where voxels appear larger than that; and the largest number of
+/// texels per voxel. Finer texels gain little, since the field between voxels is smooth.
 const PIXELS_PER_TEXEL: f64 = 2.0;
 const MOST_TEXELS_PER_VOXEL: f64 = 2.0;
-/// Largest ratio between the area of a map and the area that a view needs, and between the widths of their texels, for the
-/// map to be used for the view.
+/// Largest factor by which a shadow map that is reused for a view may exceed the area and the texel width that the
+/// view needs.
 const MOST_TOO_LARGE: f64 = 2.0;
 
-/// Largest ratio of areas at which a frame along the view replaces the plain frame.
+/// Largest ratio of areas at which a shadow map with axes along the view direction replaces one with default axes.
 const WORTH_TURNING: f64 = 0.8;
-/// Smallest sine of the angle between view and light for a frame along the view.
+/// Smallest sine of the angle between view and light direction for a shadow map with axes along the view direction.
 const LEAST_ACROSS: f64 = 0.05;
 
 impl LightSpace {
-    /// Fits a map to the active bricks, or to those that a view may show, with a border of empty texels.
+    /// Fits the projection of a shadow map to the active bricks (those with extinction), or to those that a view may
+    /// show. It leaves a border of empty texels where the projection allows one.
     pub fn fit(
         volume: &Volume,
         active: &ActiveBricks,
@@ -63,7 +65,8 @@ impl LightSpace {
         space.laid_out(volume, region, Some(wanted))
     }
 
-    /// Frame and depths of a map, without texels. Its `a` axis lies along the part of `along` across the light.
+    /// Returns the coordinate frame and the depth range of a shadow map, before its texels are laid out. The `a` axis
+    /// of the frame lies along the component of `along` across the light.
     fn framed(
         volume: &Volume,
         active: &ActiveBricks,
@@ -124,8 +127,8 @@ impl LightSpace {
         space
     }
 
-    /// Lays out the texels over a region. Where the shape has no number of texels, they are `wanted_mm` wide (`None`: one
-    /// voxel).
+    /// Lays out the texels of a shadow map over a region of its plane. If the map has no fixed number of texels, they
+    /// are `wanted_mm` wide (`None`: one voxel).
     fn laid_out(mut self, volume: &Volume, covered: Region, wanted_mm: Option<f64>) -> Self {
         // Texels of a part are square; tiles outside it are not built.
         let region = if self.region.is_some() { covered.squared() } else { covered };
@@ -136,8 +139,8 @@ impl LightSpace {
             self.map_size = texels.clamp(LEAST_TEXELS, MOST_TEXELS) as u32;
         }
         let size = f64::from(self.map_size);
-        // A border of empty texels avoids a seam to the full light around the map. A map of a part needs as many texels as
-        // lookups read.
+        // A border of empty texels avoids a seam to the full light around the map. A map of a part of the scene
+        // needs as many as a query reads.
         let border = match self.projection {
             Projection::Octahedral => 0.0,
             _ if self.map_size < MapShape::LEAST_WITH_BORDER => 0.0,
@@ -149,8 +152,9 @@ impl LightSpace {
         self
     }
 
-    /// Whether the map can be used for another view of the same bricks under the same light (`None`: for every point). It has
-    /// to cover the visible bricks, at most twice their area, with texels at most twice too wide.
+    /// Whether this shadow map can be reused for another view of the same bricks under the same light (`None`: for
+    /// all points). It has to cover the visible bricks; its area and its texel width may be at most twice what the
+    /// view needs.
     pub fn serves(&self, volume: &Volume, active: &ActiveBricks, light: Light, view: Option<&View>) -> bool {
         let Some(view) = view.filter(|_| self.can_fit_view()) else {
             return self.region.is_none();
@@ -175,7 +179,8 @@ impl LightSpace {
         covered && region.area() <= MOST_TOO_LARGE * least && !wide
     }
 
-    /// Whether a fit to a view (`None`: to every point) of the same bricks under the same light gives the same map.
+    /// Whether fitting this shadow map again, to a view (`None`: to all points) of the same bricks under the same
+    /// light, would give the same map.
     pub fn is_fitted_to(
         &self,
         volume: &Volume,
@@ -186,36 +191,39 @@ impl LightSpace {
         Self::fit(volume, active, light, self.shape, view).is_laid_out_as(self)
     }
 
-    /// Whether the map covers only a part of the active bricks.
+    /// Whether the shadow map covers only a part of the active bricks (those with extinction): the part that a view
+    /// shows.
     pub fn is_of_view(&self) -> bool {
         self.region.is_some()
     }
 
-    /// Whether the map covers the ray through texel coordinates: others may be skipped.
+    /// Whether the shadow map covers the light ray through the given texel coordinates. Other rays may be skipped.
     pub fn covers(&self, texel: DVec2) -> bool {
         let plane = (texel - self.texel_offset) / self.texel_scale;
         self.region.is_none_or(|region| region.contains(Region { lo: plane, hi: plane }))
     }
 
-    /// Whether two maps of one scene have the same rays through the same texels.
+    /// Whether two shadow maps of one scene have the same light rays through the same texels.
     pub fn is_laid_out_as(&self, other: &Self) -> bool {
         (self.map_size, self.world_from_frame, self.texel_scale, self.texel_offset, self.region)
             == (other.map_size, other.world_from_frame, other.texel_scale, other.texel_offset, other.region)
     }
 
-    /// Whether the map may cover only a part of the active bricks.
+    /// Whether the shadow map may cover only the part of the active bricks (those with extinction) that a view shows.
     fn can_fit_view(&self) -> bool {
         let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }
 
-    /// Active bricks that a view may show, in rows.
+    /// Returns the boxes of the active bricks (those with extinction) that a view may show. Adjacent bricks along x
+    /// share one box.
     fn visible_rows(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
         let frustum = view.frustum(&self.grid_from_world.inverse());
         active_rows(active, volume.dims(), |b| frustum.may_intersect(b.center, b.half))
     }
 
-    /// Region of the plane that boxes cover, or that all active bricks cover where there are no boxes.
+    /// Returns the rectangle in the shadow map's plane around the given boxes, or around all bricks with extinction
+    /// if there are no boxes.
     fn region_of(&self, volume: &Volume, active: &ActiveBricks, boxes: &[GridBox]) -> Region {
         if self.projection == Projection::Octahedral {
             return Region { lo: DVec2::NEG_ONE, hi: DVec2::ONE };
@@ -227,7 +235,8 @@ impl LightSpace {
         Region::around(corners.map(|g| self.plane(frame_from_grid.transform_point3(g))))
     }
 
-    /// Width of a texel that the scene chooses, mm: one voxel, or less where that is visible.
+    /// Returns the width of a shadow-map texel that suits a view, mm: one voxel, or less if voxels appear large in
+    /// the picture.
     fn texel_wanted(&self, volume: &Volume, visible: &[GridBox], view: &View) -> f64 {
         let voxel = volume.min_spacing_mm();
         let weight = |b: &GridBox| b.half.element_product();

@@ -1,28 +1,29 @@
-//! Traversal of a map's texels along a line segment.
+//! Traversal of the texels of a shadow map along a line segment.
 
 use super::mapping::{LightSpace, Projection};
 use glam::DVec3;
 
-/// Part of a line segment within one texel.
+/// Part of a line segment that lies within one texel of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelSegment {
-    /// Column and row of the texel.
+    /// Column and row of the shadow-map texel in which this part of a line segment lies.
     pub texel: [u32; 2],
-    /// Depth of the middle, mm.
+    /// Depth along the light ray at the middle of this part of a line segment, mm.
     pub depth_mm: f64,
-    /// Difference in depth between the ends, mm.
+    /// Difference in depth along the light ray between the ends of this part of a line segment, mm.
     pub extent_mm: f64,
-    /// Length across the light, mm.
+    /// Length across the light ray of this part of a line segment, mm.
     pub across_mm: f64,
-    /// Area of the texel across the light at the middle, mm^2.
+    /// Area of the shadow-map texel across the light ray, at the middle of this part of a line segment, mm^2.
     pub texel_mm2: f64,
 }
 
-/// Smallest distance from the singularity of a projection, as a share of the distances involved.
+/// Smallest distance from the point where a shadow map's projection is singular (the light), as a share of the
+/// distances involved.
 const SINGULAR: f64 = 1e-9;
 
-/// Part of a line between two parameters on which texel coordinates are homogeneous linear functions: columns and rows
-/// (texel `k` is `[k, k + 1]`) times a divisor, and the divisor, at both ends.
+/// Part of a line whose texel coordinates in a shadow map are linear in homogeneous form. Both ends hold column and
+/// row times a divisor, and the divisor; texel `k` spans `[k, k + 1]`.
 #[derive(Debug, Clone, Copy)]
 struct ProjectedLine {
     t: [f64; 2],
@@ -34,7 +35,7 @@ impl ProjectedLine {
         self.ends[0].lerp(self.ends[1], share)
     }
 
-    /// Clips to the part where a linear function is not negative; `None` where there is none.
+    /// Clips a projected line to the part where a linear function is not negative. Returns `None` if nothing is left.
     fn where_positive(self, function: impl Fn(DVec3) -> f64) -> Option<Self> {
         let [a, b] = self.ends.map(function);
         if a < 0.0 && b < 0.0 {
@@ -47,7 +48,8 @@ impl ProjectedLine {
         Some(Self { t, ends: shares.map(|share| self.at(share)) })
     }
 
-    /// Clips to a map of `size` texels per side and to divisors of at least `least`.
+    /// Clips a projected line to a shadow map of `size` texels per side, and to homogeneous divisors of at least
+    /// `least`.
     fn on_map(self, size: f64, least: f64) -> Option<Self> {
         self.where_positive(|p| p.z - least)?
             .where_positive(|p| p.x)?
@@ -56,7 +58,7 @@ impl ProjectedLine {
             .where_positive(|p| size * p.z - p.y)
     }
 
-    /// Traversal of the texels along an axis.
+    /// Starts the traversal of the texels that a projected line crosses along one axis of a shadow map.
     fn texels(&self, axis: usize, last: u32) -> AxisTraversal {
         let coordinate = |p: DVec3| (p[axis] / p.z).floor().clamp(0.0, f64::from(last));
         let [first, end] = self.ends.map(coordinate);
@@ -64,7 +66,7 @@ impl ProjectedLine {
     }
 }
 
-/// Position of a traversal along an axis: the current texel and the last one.
+/// State of a texel traversal along one axis of a shadow map: the current texel and the last one.
 struct AxisTraversal {
     line: ProjectedLine,
     axis: usize,
@@ -73,7 +75,8 @@ struct AxisTraversal {
 }
 
 impl AxisTraversal {
-    /// Share of the line at the exit of the texel; infinite in the last texel.
+    /// Returns the line parameter (0 to 1) at which a projected line leaves its current texel; infinite in the last
+    /// texel.
     fn exit(&self) -> f64 {
         if self.texel == self.end {
             return f64::INFINITY;
@@ -89,13 +92,13 @@ impl AxisTraversal {
 }
 
 impl LightSpace {
-    /// Visits the parts of the line between two points (world mm) in order. Each part lies in one texel of the map and is at
-    /// most `most_extent_mm` deep.
+    /// Visits the parts of a line segment (end points in world mm) in order. Each part lies in one texel of the
+    /// shadow map and spans at most `most_extent_mm` in depth.
     pub fn texels_along(&self, ends: [DVec3; 2], most_extent_mm: f64, mut visit: impl FnMut(TexelSegment)) {
         let [a, b] = ends.map(|p| self.frame_from_world.transform_point3(p));
         let size = f64::from(self.map_size);
         let least = SINGULAR * (a.length() + b.length() + self.light_distance);
-        // A point has no length, and at the light no texel.
+        // A segment of length 0 is skipped; at the light it would have no texel.
         if a == b {
             return;
         }
@@ -122,7 +125,8 @@ impl LightSpace {
         }
     }
 
-    /// Unit direction of the light ray through a world point, and the smaller width of a texel there, mm.
+    /// Returns the unit direction of the light ray through a world point, and the smaller width of a shadow-map texel
+    /// there, mm.
     pub fn ray_and_texel_mm(&self, world: DVec3) -> (DVec3, f64) {
         let (direction, texel_mm2) = self.ray_and_area(self.frame_from_world.transform_point3(world));
         let scale = self.texel_scale.abs();
@@ -130,7 +134,7 @@ impl LightSpace {
         (self.world_from_frame.transform_vector3(direction), narrowness * texel_mm2.sqrt())
     }
 
-    /// Parts of the line from `a` to `b` (light frame) with linear homogeneous texel coordinates.
+    /// Splits the line from `a` to `b` (light frame) into parts whose homogeneous texel coordinates are linear.
     fn linear_parts(&self, a: DVec3, b: DVec3) -> impl Iterator<Item = ProjectedLine> {
         let mut cuts = [0.0, 1.0, 1.0, 1.0, 1.0];
         if self.projection == Projection::Octahedral {
@@ -149,7 +153,8 @@ impl LightSpace {
         parts.filter(|[from, to]| from < to).map(part)
     }
 
-    /// Texel coordinates from the map's corner times a divisor, and the divisor; `octant` holds the signs of the direction.
+    /// Returns the homogeneous texel coordinates of a point in the light frame: column and row times a divisor, and
+    /// the divisor. `octant` holds the signs of the point's direction from the light.
     fn homogeneous(&self, p: DVec3, octant: DVec3) -> DVec3 {
         let (x, y, divisor) = match self.projection {
             Projection::Orthographic => (p.x, p.y, 1.0),
@@ -196,7 +201,7 @@ impl LightSpace {
         }
     }
 
-    /// Distance of a point of the light frame from the light, mm.
+    /// Returns the distance from the light to a point in the light frame, mm; infinite for a directional light.
     fn distance(&self, p: DVec3) -> f64 {
         match self.projection {
             Projection::Orthographic => f64::INFINITY,
@@ -205,7 +210,8 @@ impl LightSpace {
         }
     }
 
-    /// Direction of the light ray through a point of the light frame, and the area of a texel across it there, mm^2.
+    /// Returns the direction of the light ray through a point in the light frame, and the area (mm^2) of a shadow-map
+    /// texel across the ray there.
     fn ray_and_area(&self, p: DVec3) -> (DVec3, f64) {
         let plane_mm2 = 1.0 / (self.texel_scale.x * self.texel_scale.y).abs();
         let (direction, on_plane) = match self.projection {
@@ -216,16 +222,17 @@ impl LightSpace {
             }
             Projection::Octahedral => (p, p.abs().element_sum()),
         };
-        // An area of the plane at distance l from the light, at an angle with cosine 1 / l, covers the solid angle area / l^3;
-        // here both are scaled to the point.
+        // An area of the plane at distance l from the light, at an angle with cosine 1 / l, covers the solid angle
+        // area / l^3; here both are scaled to the point.
         let distance = direction.length().max(f64::MIN_POSITIVE);
         (direction / distance, plane_mm2 * on_plane.powi(3) / distance)
     }
 }
 
-/// Most parts of a line in one texel; beyond that, parts are deeper than the limit.
+/// Largest number of parts into which a line segment is cut in one texel of a shadow map. Beyond it, parts exceed the
+/// limit on their depth.
 const MOST_PARTS: f64 = 4096.0;
-/// Largest depth of a part as a share of its distance from the light.
+/// Largest depth that a part of a line segment spans, as a share of its distance from the light.
 const MOST_SHARE: f64 = 0.1;
 
 #[cfg(test)]
@@ -254,7 +261,7 @@ mod tests {
         spaces
     }
 
-    /// Texels of a line, found by projecting many of its points.
+    /// Finds the shadow-map texels that a line crosses, by projecting many of its points.
     fn texels_of_points(space: &LightSpace, ends: [DVec3; 2], points: u32) -> Vec<[u32; 2]> {
         let mut found = Vec::new();
         for i in 0..points {

@@ -1,5 +1,5 @@
-//! Mapping between world points, the light frame and texels. The host composes all transforms in `f64`;
-//! `shaders/field/light.wgsl` is the same mapping in `f32`.
+//! Mapping between world points, the light frame and the texels of a shadow map. The host composes all transforms in
+//! `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
 
 use super::boxes::{GridBox, Region, active_boxes};
 use crate::field::constants::TILE;
@@ -8,42 +8,45 @@ use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3};
 
-/// Layout of a map, and the march of its light rays.
+/// Layout of a shadow map, and the way its light rays are marched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapShape {
-    /// Texels per side; `None`: about one per voxel, or more where the picture shows voxels larger.
+    /// Number of texels per side of a shadow map; `None`: about one per voxel, or more if voxels appear large in the
+    /// picture.
     pub texels: Option<u32>,
-    /// Whether the map covers only the active bricks that the camera sees.
+    /// Whether a shadow map covers only the active bricks (those with extinction) that the camera may see.
     pub fits_view: bool,
-    /// Texels that a lookup reads on each side of a point.
+    /// Number of texels on each side of a point that a query for transmittance reads in the shadow map.
     pub reach: u32,
-    /// March of the light rays.
+    /// Way in which light rays are marched to build the shadow map.
     pub march: March,
 }
 
 impl MapShape {
-    /// Smallest map with a border; a smaller one covers everything.
+    /// Smallest size of a shadow map with a border of empty texels, in texels per side. A smaller map has no border
+    /// and covers all bricks with extinction.
     pub const LEAST_WITH_BORDER: u32 = 8;
 }
 
-/// Mapping of light rays to texels.
+/// Kind of projection from light rays to the texels of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Projection {
-    /// Parallel rays of a light at infinity.
+    /// Orthographic shadow map: parallel rays of a directional light.
     Orthographic = 0,
-    /// Rays of a point light that sees the active bricks within a cone.
+    /// Perspective shadow map of a point light that sees all bricks with extinction within a cone.
     Perspective = 1,
-    /// Rays in all directions, of a point light inside or close to the active bricks.
+    /// Octahedral shadow map of a point light inside or close to the bricks with extinction, with rays in all
+    /// directions.
     Octahedral = 2,
 }
 
-/// Octahedral mapping of a direction to the square `[-1, 1]^2`.
+/// Maps a direction to a point in the square `[-1, 1]^2` of an octahedral map.
 fn octahedral_from_direction(w: DVec3) -> DVec2 {
     let p = w.truncate() / (w.x.abs() + w.y.abs() + w.z.abs()).max(1e-300);
     if w.z >= 0.0 { p } else { fold_octahedron(p) }
 }
 
-/// Direction of a point in the octahedral square.
+/// Returns the unit direction of a point in the square `[-1, 1]^2` of an octahedral map.
 fn direction_from_octahedral(p: DVec2) -> DVec3 {
     let z = 1.0 - p.x.abs() - p.y.abs();
     let p = if z >= 0.0 { p } else { fold_octahedron(p) };
@@ -55,7 +58,7 @@ fn fold_octahedron(p: DVec2) -> DVec2 {
     DVec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
 }
 
-/// `LightSpace` of `shaders/field/light.wgsl`.
+/// Uniform of a shadow map's projection: `LightSpace` of `shaders/field/light.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(in crate::field) struct LightUniform {
@@ -76,39 +79,43 @@ pub(in crate::field) struct LightUniform {
     pub padding: f32,
 }
 
-/// Projection of a shadow map: texels across, millimetres along the light rays.
+/// Projection of a shadow map: texels across the light, millimetres along the light rays.
 #[derive(Debug, Clone)]
 pub struct LightSpace {
-    /// Mapping of light rays to texels.
+    /// Kind of projection of the shadow map: orthographic, perspective or octahedral.
     pub projection: Projection,
-    /// Texels per side.
+    /// Number of texels per side of the shadow map.
     pub map_size: u32,
-    /// Affine from light-frame mm to world mm.
+    /// Affine transform from light-frame coordinates (mm) to world coordinates (mm).
     pub(super) world_from_frame: DAffine3,
     pub(super) frame_from_world: DAffine3,
     pub(super) grid_from_world: DAffine3,
-    /// Distance from the light to the frame's origin, mm (perspective).
+    /// Distance from a point light to the origin of the light frame of a perspective shadow map, mm.
     pub(super) light_distance: f64,
-    /// Texel coordinate (centres at whole numbers) = plane coordinate * scale + offset.
+    /// Scale from plane coordinates to texel coordinates of the shadow map: texel = plane * scale + offset. Texel
+    /// centres lie at whole numbers.
     pub(super) texel_scale: DVec2,
     pub(super) texel_offset: DVec2,
-    /// Depths between which all active bricks lie, mm.
+    /// Smallest and largest depth along light rays, mm; all active bricks (those with extinction) lie between them.
     pub z_range: [f64; 2],
-    /// Distance of regular samples along a light ray, mm; 0 for other marches.
+    /// Distance between regular samples along a light ray, mm; 0 if light rays are marched in another way.
     pub step_mm: f64,
-    /// Region of the plane that the map covers, if it was fitted to a view; `None`: all active bricks.
+    /// Region of the shadow map's plane that is covered, if the map was fitted to a view; `None`: the map covers all
+    /// bricks with extinction.
     pub(super) region: Option<Region>,
     pub(super) shape: MapShape,
 }
 
 impl LightSpace {
-    /// Texel coordinates (centres at whole numbers) and depth (mm) of a world point.
+    /// Returns the texel coordinates of a world point in the shadow map (texel centres at whole numbers), and its
+    /// depth along the light ray (mm).
     pub fn light_point(&self, world: DVec3) -> (DVec2, f64) {
         let p = self.frame_from_world.transform_point3(world);
         (self.plane(p) * self.texel_scale + self.texel_offset, self.depth(p))
     }
 
-    /// World point of depth 0 on the ray through texel coordinates, and the ray's unit direction away from the light.
+    /// Returns the light ray through texel coordinates of the shadow map: its world point at depth 0, and its unit
+    /// direction away from the light.
     pub fn world_ray(&self, texel: DVec2) -> (DVec3, DVec3) {
         let plane = (texel - self.texel_offset) / self.texel_scale;
         let (start, w) = match self.projection {
@@ -122,7 +129,8 @@ impl LightSpace {
         (self.world_from_frame.transform_point3(start), self.world_from_frame.transform_vector3(w))
     }
 
-    /// Smallest depth of a ray: at a point light, or before all active bricks for a directional one.
+    /// Returns the depth at which light rays start, mm: at a point light, or before all bricks with extinction for a
+    /// directional light.
     pub fn ray_start(&self) -> f64 {
         match self.projection {
             Projection::Orthographic => self.z_range[0],
@@ -131,17 +139,18 @@ impl LightSpace {
         }
     }
 
-    /// Length of [`Self::z_range`], mm; above 0.
+    /// Returns the length of the shadow map's depth range ([`Self::z_range`]), mm; above 0.
     pub fn depth_range_mm(&self) -> f64 {
         (self.z_range[1] - self.z_range[0]).max(1e-9)
     }
 
-    /// Width of a texel in the middle of the map, mm.
+    /// Returns the width of a texel in the middle of the shadow map, mm.
     pub fn texel_mm(&self) -> f64 {
         self.mm_per_plane() * (1.0 / self.texel_scale).max_element()
     }
 
-    /// Millimetres across the light per unit of plane coordinates, in the middle of the region.
+    /// Returns the length across the light of one unit of the shadow map's plane coordinates, in the middle of the
+    /// map, mm.
     pub(super) fn mm_per_plane(&self) -> f64 {
         match self.projection {
             Projection::Orthographic => 1.0,
@@ -150,13 +159,14 @@ impl LightSpace {
         }
     }
 
-    /// Tiles along a side of the map.
+    /// Returns the number of tiles along a side of the shadow map.
     pub fn tiles_across(&self) -> u32 {
         self.map_size.div_ceil(TILE)
     }
 
-    /// Tests each tile for active bricks: row-major, [`Self::tiles_across`] squared. The test is conservative: a tile may be
-    /// occupied by the bounding rectangle of a brick alone.
+    /// Tests which tiles of the shadow map may contain active bricks (those with extinction). The result is
+    /// row-major, with [`Self::tiles_across`] squared entries. The test is conservative, since it uses the bounding
+    /// rectangle of each brick.
     pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
         let across = self.tiles_across();
         if self.projection == Projection::Octahedral {
@@ -185,7 +195,8 @@ impl LightSpace {
         tiles
     }
 
-    /// Range of texels that the map covers, with the texels around it that lookups read; `None`: all texels.
+    /// Returns the range of texels that the shadow map covers, and the texels around it that queries for
+    /// transmittance read; `None`: all texels.
     fn texels_covered(&self) -> Option<[DVec2; 2]> {
         let reach = DVec2::splat(f64::from(self.shape.reach));
         self.region.map(|region| {
@@ -194,7 +205,7 @@ impl LightSpace {
         })
     }
 
-    /// Uniform of the device, binding 0 of group 1.
+    /// Returns the device uniform of the shadow map's projection, for binding 0 of bind group 1.
     pub(in crate::field) fn uniform(&self) -> LightUniform {
         let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
         let grid_from_frame = self.grid_from_world * self.world_from_frame;
@@ -221,7 +232,7 @@ impl LightSpace {
         }
     }
 
-    /// Plane coordinates of a point of the light frame.
+    /// Returns the coordinates in the shadow map's plane of a point in the light frame.
     pub(super) fn plane(&self, p: DVec3) -> DVec2 {
         match self.projection {
             Projection::Orthographic => p.truncate(),
@@ -230,7 +241,7 @@ impl LightSpace {
         }
     }
 
-    /// Depth of a point of the light frame, mm.
+    /// Returns the depth along the light ray of a point in the light frame, mm.
     pub(super) fn depth(&self, p: DVec3) -> f64 {
         match self.projection {
             Projection::Orthographic => p.z,
@@ -243,7 +254,7 @@ impl LightSpace {
         }
     }
 
-    /// Conservative depth range of a box, mm.
+    /// Returns a conservative range of depths along the light rays for a box in grid space, mm.
     pub(super) fn depths(&self, world_from_grid: &DAffine3, bounds: GridBox) -> [f64; 2] {
         let frame_from_grid = self.frame_from_world * *world_from_grid;
         let center = frame_from_grid.transform_point3(bounds.center);

@@ -1,4 +1,4 @@
-//! Light space: the projection of a shadow map, fitted to the active bricks.
+//! Light space: the projection of a shadow map, fitted to the active bricks (those with extinction).
 //!
 //! The light frame is in millimetres, `(a, b, h)` with `h` away from the light; depth `z` is distance along the light
 //! ray.

@@ -1,33 +1,38 @@
-//! Float32 errors of positions on light rays.
+//! Bounds on the float32 errors of positions on light rays.
 
 use super::mapping::{LightSpace, Projection};
 use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Roundings of a light ray's coordinate, each of half a unit in the last place: 3 of the plane coordinate (a division
-/// counts as 5), 3 of the direction, 4 of products and sums, one of mirroring, and those of the inputs.
+/// Number of float32 roundings in a coordinate of a light ray, each of half a unit in the last place. The plane
+/// coordinate has 3 (a division counts as 5), the direction 3, products and sums 4, mirroring one; the inputs add
+/// theirs.
 const ROUNDINGS: f64 = 17.0;
-/// Further roundings, of a coordinate in the mirrored volume: those of the start and of a point.
+/// Number of further float32 roundings of a light ray's coordinate in the mirrored volume: those of the ray's start
+/// and of a point.
 const MIRRORED_ROUNDINGS: f64 = 2.0;
 
-/// Roundings of a sum of four products with rounded factors.
+/// Number of float32 roundings in a sum of four products with rounded factors.
 const DOT_ROUNDINGS: f64 = 6.0;
-/// Largest error of a texel coordinate, in texels, with an error bound near a point light.
+/// Largest float32 error of a texel coordinate for which an error bound is given, in texels. Larger errors occur near
+/// a point light.
 const MOST_TEXEL_ERROR: f64 = 2.5e-4;
 
-/// Float32 errors of positions on light rays.
+/// Bounds on the float32 errors of positions on the light rays of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rounding {
-    /// Largest error of a point, mm.
+    /// Largest float32 error of a point's position on a light ray, mm.
     pub position_mm: f64,
-    /// Largest error of a texel coordinate, in texels, beyond `from_light_mm` from a point light.
+    /// Largest float32 error of a point's texel coordinate in the shadow map, in texels. It holds beyond
+    /// `from_light_mm` from a point light.
     pub texels: f64,
-    /// Distance from a point light up to which texel coordinates have no error bound, mm.
+    /// Distance from a point light within which texel coordinates have no error bound, mm.
     pub from_light_mm: f64,
 }
 
 impl LightSpace {
-    /// Largest float32 errors of points on a texel's ray, with or without clip planes: see `docs/bound.md`, "Positions".
+    /// Returns the largest float32 errors of points on the light ray of a texel, with or without clip planes; see
+    /// `docs/bound.md`, "Positions".
     pub fn rounding(&self, volume: &Volume, clips: bool) -> Rounding {
         // The distance of a clip plane is a sum of four products, too.
         let roundings = ROUNDINGS + if clips { DOT_ROUNDINGS } else { 0.0 };
@@ -56,7 +61,7 @@ impl LightSpace {
         let whole = DVec3::from_array(volume.dims().map(|n| (n + BRICK_CELLS) as f64));
         let mirrored = MIRRORED_ROUNDINGS * f64::from(f32::EPSILON) / 2.0;
         let built = length(world_from_grid.matrix3, unit * grid + mirrored * whole);
-        // Transform of a lookup's point from grid space to the light frame.
+        // Transform of a queried point from grid space to the light frame.
         let far = DVec3::from_array(volume.dims().map(|n| n as f64 + 0.5));
         let m = frame_from_grid.matrix3;
         let frame = m.x_axis.abs() * far.x

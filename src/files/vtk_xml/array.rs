@@ -1,8 +1,8 @@
-//! Bytes of an array of a VTK XML file, as a stream that holds at most one block in memory.
+//! Decodes a data array of a VTK XML file as a byte stream, with at most one compressed block in memory.
 //!
-//! A plain array has its number of bytes before it. A compressed array consists of blocks. Before them stand their number, the
-//! bytes of a whole block and of the last one where that is not whole, and the compressed bytes of each. In base64 these numbers
-//! are a text of their own.
+//! An uncompressed array begins with its number of bytes. A compressed array consists of blocks and begins with a
+//! header: the number of blocks, the uncompressed size of a full block, the size of the last block if it is not full,
+//! and the compressed size of each block. In base64 files this header is encoded separately from the data.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -14,21 +14,21 @@ use std::io::{self, Cursor, Read};
 /// Largest compression ratio of zlib.
 const MOST_RATIO: u64 = 1100;
 
-/// Encoding of the arrays of a file.
+/// Encoding of the data arrays of a VTK XML file.
 #[derive(Debug, Clone, Copy)]
 pub struct Coding {
-    /// Whether numbers are big-endian.
+    /// Whether numbers of the VTK XML file are big-endian.
     pub big_endian: bool,
-    /// Bytes of each number before the data.
+    /// Size in bytes of each size field before the data of a VTK array.
     header_bytes: usize,
     compressed: bool,
 }
 
 impl Coding {
-    /// Reads the encoding from the attributes of the file's root element.
+    /// Reads the encoding of data arrays from the attributes of a VTK XML file's root element.
     ///
     /// # Errors
-    /// The compressor or the type of the numbers before data is not supported.
+    /// The compressor or the type of the size fields is not supported.
     pub fn of(root: Node) -> Result<Self, String> {
         let compressed = match root.attribute("compressor") {
             None | Some("") => false,
@@ -43,7 +43,7 @@ impl Coding {
         Ok(Self { big_endian: root.attribute("byte_order") == Some("BigEndian"), header_bytes, compressed })
     }
 
-    /// Number before the data at a place.
+    /// Reads one of the size fields before the data of a VTK array; `place` is its index.
     fn number(&self, bytes: &[u8], place: usize) -> u64 {
         let mut word = [0; 8];
         let n = self.header_bytes;
@@ -55,9 +55,9 @@ impl Coding {
     }
 }
 
-/// Stream of the bytes of an array.
+/// Byte stream of one data array of a VTK XML file, decoded and decompressed.
 pub struct ArrayBytes<'a> {
-    /// Number of bytes that the file claims.
+    /// Number of bytes of the VTK data array, as its header states.
     pub bytes: u64,
     stream: Box<dyn Read + 'a>,
 }
@@ -68,10 +68,11 @@ impl Read for ArrayBytes<'_> {
     }
 }
 
-/// Opens the array at the beginning of an input; `check` may refuse its number of bytes before any of them is read.
+/// Opens a data array of a VTK XML file at the beginning of an input. `check` may reject its number of bytes before
+/// any data is read.
 ///
 /// # Errors
-/// The header is missing, broken, or refused by `check`. Later faults are errors of the stream.
+/// The array's header is missing, invalid, or rejected by `check`. Later errors are reported by the stream.
 pub fn array_bytes<'a>(
     input: impl Read + 'a,
     is_raw: bool,
@@ -86,23 +87,23 @@ pub fn array_bytes<'a>(
         return packed(text, first, coding, check);
     }
     check(first)?;
-    // The data and the number before them are one base64 text.
+    // The size field and the data are encoded as one base64 text.
     let begun = text.decoded.split_off(header.min(text.decoded.len()));
     let rest = first.saturating_sub(begun.len() as u64);
     let stream = Cursor::new(begun).chain(text.stream(rest)).take(first);
     Ok(ArrayBytes { bytes: first, stream: Box::new(stream) })
 }
 
-/// Base64 text or raw bytes.
+/// Encoded data array of a VTK XML file: base64 text or raw bytes.
 struct EncodedText<R> {
     input: R,
     is_raw: bool,
-    /// Bytes that have been decoded.
+    /// Bytes of a VTK data array that are already decoded from base64 or read.
     decoded: Vec<u8>,
 }
 
 impl<'a, R: Read + 'a> EncodedText<R> {
-    /// Decodes whole groups of four letters until there are at least `count` bytes.
+    /// Decodes groups of four base64 characters until at least `count` bytes are decoded.
     fn decode_to(&mut self, count: u64) -> Result<(), String> {
         let missing = count.saturating_sub(self.decoded.len() as u64);
         let written = if self.is_raw { missing } else { missing.div_ceil(3).saturating_mul(4) };
@@ -121,7 +122,7 @@ impl<'a, R: Read + 'a> EncodedText<R> {
         }
     }
 
-    /// Streams the next `count` bytes.
+    /// Returns a stream of the next `count` bytes of a VTK data array.
     fn stream(self, count: u64) -> Box<dyn Read + 'a> {
         if self.is_raw {
             return Box::new(self.input.take(count));
@@ -151,7 +152,7 @@ fn packed<'a, R: Read + 'a>(
     let header = coding.header_bytes as u64;
     text.decode_to(3 * header)?;
     let [block_bytes, last_bytes] = [1, 2].map(|place| coding.number(&text.decoded, place));
-    // All sizes must be present before memory is taken for them.
+    // All sizes must be present before memory is allocated for them.
     text.decode_to(blocks.saturating_add(3).saturating_mul(header))?;
     let size = |block: usize| (coding.number(&text.decoded, 3 + block), block_bytes);
     let mut sizes: Vec<(u64, u64)> = (0..blocks as usize).map(size).collect();
@@ -168,12 +169,12 @@ fn packed<'a, R: Read + 'a>(
     Ok(ArrayBytes { bytes, stream: Box::new(stream) })
 }
 
-/// Compressed blocks that are unpacked one after the other.
+/// Compressed blocks of a VTK data array, which are decompressed one after another.
 struct CompressedBlocks<'a> {
     input: Box<dyn Read + 'a>,
-    /// Packed and unpacked bytes of each block.
+    /// Compressed and uncompressed size of each remaining block of a VTK data array, bytes.
     sizes: std::vec::IntoIter<(u64, u64)>,
-    /// Unpacked bytes of the present block.
+    /// Decompressed bytes of the current block of a VTK data array.
     block: Cursor<Vec<u8>>,
 }
 

@@ -1,29 +1,29 @@
-//! Values of DICOM attributes.
+//! Values of DICOM attributes, found by tag.
 
 use dicom_core::{PrimitiveValue, Tag};
 use std::collections::BTreeMap;
 
-/// Whether a character only fills a text up to an even length.
+/// Whether a character can be padding of a DICOM text value: white space or NUL.
 pub(super) fn is_padding(c: char) -> bool {
     c.is_whitespace() || c == '\0'
 }
 
-/// Attributes by tag.
+/// DICOM attributes with their values, found by tag.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Attributes {
     pub(super) values: BTreeMap<Tag, PrimitiveValue>,
-    /// Items of sequences.
+    /// Items of the DICOM sequences (SQ), by the tag of the sequence.
     pub(super) items: BTreeMap<Tag, Vec<Attributes>>,
 }
 
 impl Attributes {
-    /// Text that is not empty.
+    /// Returns the text of a DICOM attribute without padding; `None` if it is missing or empty.
     pub(super) fn text(&self, tag: Tag) -> Option<String> {
         let text = self.values.get(&tag)?.to_str();
         Some(text.trim_matches(is_padding).to_owned()).filter(|text| !text.is_empty())
     }
 
-    /// Finite numbers; `None` if one of them is not.
+    /// Returns the numbers of a DICOM attribute; `None` if it is missing or a number is not finite.
     pub(super) fn numbers(&self, tag: Tag) -> Option<Vec<f64>> {
         let numbers = self.values.get(&tag)?.to_multi_float64().ok()?;
         (!numbers.is_empty() && numbers.iter().all(|n| n.is_finite())).then_some(numbers)
@@ -37,12 +37,13 @@ impl Attributes {
         self.values.get(&tag)?.to_int().ok()
     }
 
-    /// Unsigned 16-bit numbers.
+    /// Returns the unsigned 16-bit numbers of a DICOM attribute.
     pub(super) fn words(&self, tag: Tag) -> Option<Vec<u16>> {
         self.values.get(&tag)?.to_multi_int().ok()
     }
 
-    /// Largest number of decimals of numbers written as text without exponents: the resolution that they were rounded to.
+    /// Returns the largest number of decimals among the numbers of a DICOM text attribute, which gives the precision
+    /// of the written values. `None` if a number has an exponent.
     pub(super) fn decimals(&self, tag: Tag) -> Option<usize> {
         let numbers = self.values.get(&tag)?.strings().ok()?;
         let decimals = |n: &String| n.trim().split_once('.').map_or(0, |(_, decimals)| decimals.len());
@@ -50,7 +51,7 @@ impl Attributes {
         is_plain.then(|| numbers.iter().map(decimals).max().unwrap_or(0))
     }
 
-    /// Items of a sequence.
+    /// Returns the items of a DICOM sequence; empty if the sequence is missing.
     pub(super) fn items(&self, tag: Tag) -> &[Self] {
         self.items.get(&tag).map_or(&[], Vec::as_slice)
     }

@@ -1,4 +1,4 @@
-//! The part of a DICOM file that a volume needs: the attributes that place its frames, and the position of its pixels.
+//! Content of a DICOM file that a volume needs: attributes of the image frames and byte positions of the pixel data.
 
 use super::attributes::Attributes;
 use dicom_core::Tag;
@@ -9,41 +9,43 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Largest number of frames in a file.
+/// Largest number of frames in a DICOM file.
 pub(super) const MAX_FRAMES: usize = 1 << 16;
-/// Byte range of a file.
+/// Byte range in a DICOM file, given by offset and length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
     pub(super) offset: u64,
     pub(super) bytes: u32,
 }
 
-/// Position of the pixels.
+/// Byte positions of the pixel data in a DICOM file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) enum PixelData {
     #[default]
     None,
-    /// Uncompressed.
+    /// Uncompressed pixel data of a DICOM file, in one byte range.
     Native(Span),
-    /// Compressed in fragments; the first one is the table of offsets.
+    /// Compressed pixel data of a DICOM file, in fragments. The first fragment is the Basic Offset Table.
     Encapsulated(Vec<Span>),
 }
 
-/// Attributes and pixel positions of a file.
+/// Attributes of a DICOM file and the byte positions of its pixel data.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DataSet {
     pub(super) syntax: String,
     pub(super) root: Attributes,
     pub(super) pixels: PixelData,
     pub(super) has_floats: bool,
-    /// First byte of a deflated data set; spans then count inflated bytes.
+    /// Offset of the deflated data set in a DICOM file; byte ranges then count inflated bytes.
     pub(super) deflated_from: Option<u64>,
-    /// Inflated data set of a file with several frames; that of one frame is inflated again when it is needed.
+    /// Inflated data set of a multi-frame DICOM file with deflated transfer syntax. It is not stored for a
+    /// single-frame file, which is inflated again on each read.
     pub(super) inflated: Option<Vec<u8>>,
 }
 
 impl DataSet {
-    /// Attributes that hold `tag` for a frame: its own, those of all frames, or the file's.
+    /// Returns the attribute group that holds `tag` for a frame. The search order is the per-frame functional group,
+    /// the shared functional group, and the root of the DICOM file.
     pub(super) fn of_frame(&self, frame: usize, tag: Tag) -> Option<&Attributes> {
         let shared = self.root.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).first();
         let own = self.root.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).get(frame);
@@ -51,7 +53,7 @@ impl DataSet {
         levels.into_iter().flatten().find(|attributes| attributes.has(tag))
     }
 
-    /// Reads bytes of the file, or of the inflated data set.
+    /// Reads a byte range of a DICOM file, or of its inflated data set.
     pub(super) fn bytes(&self, path: &Path, span: Span) -> Result<Vec<u8>, String> {
         let early = || String::from("its pixels end early");
         if let Some(inflated) = &self.inflated {
@@ -74,12 +76,12 @@ impl DataSet {
     }
 }
 
-/// Characters that are safe on a terminal: letters, digits and points.
+/// Removes all characters that are unsafe on a terminal: keeps ASCII letters, digits and some punctuation.
 pub(super) fn printable(text: &str) -> String {
     text.chars().filter(|c| c.is_ascii_alphanumeric() || " .,:;()+-_/%".contains(*c)).take(64).collect()
 }
 
-/// Name of an attribute.
+/// Returns the keyword of a DICOM attribute, such as `PixelSpacing`, or the tag itself if it is unknown.
 pub(super) fn name_of(tag: Tag) -> String {
     StandardDataDictionary.by_tag(tag).map_or_else(|| tag.to_string(), |entry| entry.alias().to_owned())
 }

@@ -1,8 +1,8 @@
-//! Reader of the elements of a DICOM file, with the decoders of `dicom-encoding` and `dicom-parser`.
+//! Reads the data elements of a DICOM file with the decoders of `dicom-encoding` and `dicom-parser`.
 //!
-//! The elements are not read by `dicom-object`: that crate allocates the lengths that a file claims, and it
-//! misreads sequences of unknown type (`UN` of undefined length), whose items are in the implicit syntax (PS3.5, 6.2.2).
-//! Only the values of attributes that [`is_wanted`] selects are read, and none that is longer than any valid one.
+//! The crate `dicom-object` is not used, because it allocates the lengths that a file claims. It also misreads
+//! sequences of unknown type (`UN` of undefined length), whose items are in the implicit syntax (PS3.5, 6.2.2). Only
+//! the values of attributes that [`is_wanted`] selects are read, up to the length of the longest valid value.
 
 use super::attributes::{Attributes, is_padding};
 use super::dataset::{DataSet, MAX_FRAMES, PixelData, Span, printable};
@@ -21,22 +21,24 @@ use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Bytes before the magic word of a file, and the magic word.
+/// Length of the DICOM preamble in bytes, and the magic word after it.
 const PREAMBLE_BYTES: usize = 128;
 const MAGIC: &[u8] = b"DICM";
-/// Largest length of a value that is read: 65,536 numbers of a lookup table.
+/// Largest length of a DICOM attribute value that is read, in bytes: a lookup table of 65,536 numbers.
 const MAX_VALUE_BYTES: u32 = 1 << 17;
-/// Largest nesting depth of sequences.
+/// Largest nesting depth of DICOM sequences.
 const MAX_DEPTH: usize = 64;
-/// Largest size of an inflated data set, and beyond a small size the largest ratio to its deflated bytes.
+/// Limits for inflating a deflated DICOM data set: largest size in bytes, largest ratio to the deflated size, and a
+/// size that is always allowed.
 const MAX_INFLATED_BYTES: u64 = 1 << 31;
 const MAX_INFLATED_RATIO: u64 = 100;
 const SMALL_INFLATED_BYTES: u64 = 16 << 20;
 
-/// Groups of the attributes that describe images.
+/// Group numbers of the DICOM attributes that describe images.
 const IMAGE_GROUPS: [u16; 5] = [0x0008, 0x0018, 0x0020, 0x0028, 0x3004];
 
-/// Whether an attribute is read: numbers, codes, identifiers and two texts of images. None of them is a name or a date.
+/// Whether the value of a DICOM attribute is read: numbers, codes, identifiers and two texts in the groups that
+/// describe images. Names of people and dates are never read.
 fn is_wanted(tag: Tag, vr: VR) -> bool {
     use VR::{CS, DS, FD, FL, IS, OB, OW, SL, SS, UI, UL, UN, US};
     let is_number = matches!(vr, CS | DS | FD | FL | IS | OB | OW | SL | SS | UI | UL | UN | US);
@@ -44,19 +46,20 @@ fn is_wanted(tag: Tag, vr: VR) -> bool {
     IMAGE_GROUPS.contains(&tag.group()) && (is_number || is_text)
 }
 
-/// Tags that delimit items and sequences.
+/// Tags that delimit the items of DICOM sequences.
 const ITEM: Tag = Tag(0xfffe, 0xe000);
 const ITEM_END: Tag = Tag(0xfffe, 0xe00d);
 const SEQUENCE_END: Tag = Tag(0xfffe, 0xe0dd);
 
-/// Sequences of a data set whose items are read.
+/// DICOM sequences at the root of a file whose items are read.
 const ITEM_SEQUENCES: [Tag; 3] = [
     tags::MODALITY_LUT_SEQUENCE,
     tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE,
     tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE,
 ];
 
-/// Sequences within functional groups that describe frames; their elements are read as those of the group.
+/// DICOM sequences inside a functional group that describe image frames. Their attributes are stored in the
+/// functional group itself.
 const FRAME_SEQUENCES: [Tag; 7] = [
     tags::PLANE_POSITION_SEQUENCE,
     tags::PLANE_ORIENTATION_SEQUENCE,
@@ -67,12 +70,13 @@ const FRAME_SEQUENCES: [Tag; 7] = [
     tags::TEMPORAL_POSITION_SEQUENCE,
 ];
 
-/// Whether the first bytes of a file are those of a DICOM file, with its preamble or without.
+/// Whether the first bytes of a file are those of a DICOM file, with or without the preamble.
 pub(super) fn is_dicom(head: &[u8]) -> bool {
     head.get(PREAMBLE_BYTES..).is_some_and(|rest| rest.starts_with(MAGIC)) || bare_syntax(head).is_some()
 }
 
-/// Syntax of a data set without preamble and meta group, as scanners of the nineties wrote it: it begins with group 8.
+/// Recognises a DICOM file without preamble by its first bytes, and returns the transfer syntax of its first
+/// elements. Scanners of the 1990s wrote such files, which start with group 2 or 8.
 fn bare_syntax(head: &[u8]) -> Option<&'static str> {
     // Element 0 is the group's length; the others are those that come first without it.
     match head.get(..8)? {
@@ -89,7 +93,7 @@ fn bare_syntax(head: &[u8]) -> Option<&'static str> {
 }
 
 impl DataSet {
-    /// Reads a file up to the position of its pixels.
+    /// Reads the attributes of a DICOM file and the byte positions of its pixel data.
     ///
     /// # Errors
     /// The file cannot be read or is no DICOM file.
@@ -139,24 +143,24 @@ impl DataSet {
     }
 }
 
-/// Reader of the elements of a data set.
+/// Reader of the data elements of a DICOM file.
 struct Elements<'a, R> {
     input: &'a mut R,
     at: u64,
     length: u64,
-    /// Whether pixels are signed, as far as it was read.
+    /// Whether pixels are signed, by the DICOM attribute PixelRepresentation if it was read already.
     is_signed: bool,
     set: &'a mut DataSet,
 }
 
-/// Transfer syntax by its identifier.
+/// Finds a DICOM transfer syntax by its UID.
 fn syntax_of(uid: &str) -> Result<&'static TransferSyntax, String> {
     let found = TransferSyntaxRegistry.get(uid);
     found.ok_or_else(|| format!("its transfer syntax {} is not known", printable(uid)))
 }
 
 impl<R: Read + Seek> Elements<'_, R> {
-    /// Reads all elements up to the pixels.
+    /// Reads all elements of a DICOM data set up to the pixel data.
     fn all(&mut self) -> Result<(), String> {
         let syntax = syntax_of(&self.set.syntax)?;
         self.seek(self.at)?;
@@ -166,7 +170,7 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(())
     }
 
-    /// Reads the meta group and returns the transfer syntax that it names.
+    /// Reads the DICOM file meta group and returns the UID of the transfer syntax.
     fn meta(&mut self) -> Result<String, String> {
         let (mut syntax, explicit) = (None, syntax_of(uids::EXPLICIT_VR_LITTLE_ENDIAN)?);
         loop {
@@ -188,7 +192,7 @@ impl<R: Read + Seek> Elements<'_, R> {
         }
     }
 
-    /// Reads elements up to a byte of the file, the end of an item of undefined length, or the pixels.
+    /// Reads DICOM elements up to byte `end`, the end of an item of undefined length, or the pixel data.
     fn elements(
         &mut self,
         end: u64,
@@ -237,7 +241,7 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(())
     }
 
-    /// Reads the items of a sequence, or skips them if no volume needs them.
+    /// Reads the items of a DICOM sequence, or skips the sequence if the volume does not need it.
     fn sequence(
         &mut self,
         header: &DataElementHeader,
@@ -288,7 +292,8 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(())
     }
 
-    /// Reads the positions of compressed pixels. Damage after the first fragment ends the list.
+    /// Reads the byte positions of the fragments of compressed DICOM pixel data. Stops at the first damaged item
+    /// header.
     fn fragments(&mut self, syntax: &TransferSyntax) -> Result<(), String> {
         let mut fragments = Vec::new();
         while let Ok(DataElementHeader { tag: ITEM, len, .. }) = self.header(syntax)
@@ -311,14 +316,14 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(header)
     }
 
-    /// Type of a value whose sign is that of the pixels.
+    /// Returns the value representation (VR) of a DICOM attribute whose sign follows that of the pixels.
     fn signed(&self, tag: Tag, vr: VR) -> VR {
         let follows_pixels =
             StandardDataDictionary.by_tag(tag).is_some_and(|entry| entry.vr() == VirtualVr::Xs);
         if vr == VR::US && follows_pixels && self.is_signed { VR::SS } else { vr }
     }
 
-    /// Whether the elements of the first item have types, against the standard.
+    /// Whether the items of a DICOM sequence of type `UN` have explicit VRs, which violates the standard.
     fn has_explicit_items(&mut self) -> Result<bool, String> {
         let mut start = [0; 14];
         let got = read_full(&mut self.input, &mut start).map_err(|e| e.to_string())?;
@@ -333,7 +338,8 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(value)
     }
 
-    /// Byte at which an element of this length ends.
+    /// Returns the offset at which a DICOM element with a value of `bytes` bytes ends; an error if it is beyond the
+    /// file.
     fn check(&self, tag: Tag, bytes: u32) -> Result<u64, String> {
         let end = self.at + u64::from(bytes);
         if end > self.length {

@@ -1,8 +1,8 @@
-//! DICOM series: a folder, any file of it, or one multi-frame file.
+//! Reads DICOM series: a folder, one file of the series, or one multi-frame file.
 //!
-//! Slices are placed by their positions along the normal of their plane, never by number or name. Directions and positions
-//! are LPS mm in the files and become RAS+. Attributes that name people are not read.
-//! Source: DICOM PS3.3, C.7.6.2 (image plane), C.11.1 (modality LUT), C.7.6.16 (functional groups).
+//! Slices are ordered by their positions along the slice normal, not by number or name. Directions and positions are
+//! LPS mm in the files and become RAS+. Attributes that name people are not read. Source: DICOM PS3.3, C.7.6.2 (image
+//! plane), C.11.1 (modality LUT), C.7.6.16 (functional groups).
 
 mod attributes;
 mod dataset;
@@ -28,10 +28,10 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// File-name endings of the format; most files of a series have no ending.
+/// File extensions of DICOM files; most files of a series have no extension.
 pub const EXTENSIONS: &[&str] = &["dcm", "ima"];
 
-/// Whether a file or folder is of this format.
+/// Whether an input is a DICOM file, or a folder that holds DICOM files.
 pub fn is_dicom(head: &Head) -> bool {
     match head.is_folder {
         true => series::holds_dicom(&head.path),
@@ -39,10 +39,10 @@ pub fn is_dicom(head: &Head) -> bool {
     }
 }
 
-/// Lists the files of the series of a path, sorted by name.
+/// Lists the files of a DICOM series, sorted by name.
 ///
 /// # Errors
-/// No series is found, or several and none is chosen.
+/// The path holds no DICOM series, or several series and `chosen` selects none.
 pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     let series = series::find(path, chosen, &Loading::default())?;
     let mut files: Vec<PathBuf> = series.images.iter().map(|image| image.path.clone()).collect();
@@ -50,10 +50,11 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads one frame (from 0) of the series of a file, or of the series `chosen` (from 1) in a folder.
+/// Reads one frame (from 0) of a DICOM series as a volume. In a folder, `chosen` (from 1) selects the series.
 ///
 /// # Errors
-/// No series is found, or several and none is chosen; files cannot be read; the slices do not form a grid.
+/// The path holds no DICOM series, or several and `chosen` selects none; files cannot be read; the slices do not form
+/// a regular grid.
 pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loading) -> Result<Volume> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
     let series = series::find(path, chosen, loading)?;
@@ -96,13 +97,14 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     Volume::new_with(voxels, values.scaling, stack.world_from_index, provenance, loading)
 }
 
-/// Mapping from the stored pixels of a series to values.
+/// Mapping from the stored pixels of a DICOM series to physical values.
 struct ValueMapping {
     layout: Layout,
     scaling: Scaling,
-    /// Scaling of each slice if slices differ; values are then stored as floats.
+    /// Linear mapping (DICOM rescale slope and intercept) of each slice, if the slices differ. Voxels are then stored
+    /// as floats.
     each: Option<Vec<Scaling>>,
-    /// Lookup table of each image that has one; it is applied before the scaling.
+    /// DICOM modality lookup table of each image file that has one; it is applied before the rescale slope.
     tables: Vec<Option<Table>>,
     warnings: Vec<String>,
 }
@@ -166,7 +168,8 @@ impl ValueMapping {
     }
 }
 
-/// Test for padding pixels, by all their bits or by their values.
+/// Returns a test for padding pixels of a DICOM image (PixelPaddingValue). It compares both the allocated bits and
+/// the stored bits of a pixel.
 fn padding_test(image: &Image) -> impl Fn(u64) -> bool + use<> {
     let layout = image.layout;
     let range = image.set.root.integer(tags::PIXEL_PADDING_VALUE).map(|value| {
@@ -180,7 +183,7 @@ fn padding_test(image: &Image) -> impl Fn(u64) -> bool + use<> {
     }
 }
 
-/// Reads the voxels and counts the padding among them.
+/// Reads the voxels of a DICOM series, and counts the padding voxels.
 fn voxels(
     series: &Series,
     stack: &Stack,
@@ -208,7 +211,7 @@ fn voxels(
     }
 }
 
-/// Padding in a slice, as runs of first voxel and length, and the range of its other values.
+/// Padding pixels of a DICOM slice, as runs of first pixel and length, and the value range of the other pixels.
 struct Holes {
     runs: Vec<[u32; 2]>,
     range: [f64; 2],
@@ -218,17 +221,17 @@ fn named(image: &Image, why: String) -> String {
     format!("{}: {why}", image.path.display())
 }
 
-/// Reader of the slices of a series.
+/// Reader of the slices of a DICOM series.
 struct SliceReader<'a> {
     series: &'a Series,
     stack: &'a Stack,
     values: &'a ValueMapping,
-    /// Pixel positions by image and frame.
+    /// Byte ranges of the pixel data of each frame of each DICOM file.
     spans: Vec<Vec<Vec<Span>>>,
 }
 
 impl SliceReader<'_> {
-    /// Returns the values of a slice; padding is NaN until the range of the others is known.
+    /// Returns the values of one DICOM slice. Padding pixels are NaN and are replaced later.
     fn values(&self, at: usize) -> Result<Vec<f64>, String> {
         let slice = &self.stack.slices[at];
         let image = &self.series.images[slice.image];
@@ -256,7 +259,8 @@ impl SliceReader<'_> {
     }
 }
 
-/// Reads all layers, stored by `convert`, and counts the padding, which becomes the smallest value.
+/// Reads all z layers of a DICOM volume, converts each value by `convert`, and counts the padding voxels. Padding
+/// becomes the smallest value of the volume.
 fn gathered<T: Copy + Default + Send + Sync>(
     series: &Series,
     stack: &Stack,

@@ -1,4 +1,4 @@
-//! Pixels of a frame: uncompressed, or decoded by the crate for their transfer syntax.
+//! Decodes the pixels of DICOM frames: uncompressed, or compressed as RLE, JPEG, JPEG-LS or JPEG 2000.
 
 use super::dataset::{DataSet, PixelData, Span, printable};
 use dicom_dictionary_std::uids;
@@ -8,14 +8,14 @@ use jpeg_decoder::PixelFormat;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Encoding of the pixels of a file.
+/// Pixel format of a DICOM file: image size, bit depth, sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct Layout {
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Bits of a pixel in the file: 8, 16 or 32; 32 or 64 for floats.
+    /// Bits allocated for a pixel in a DICOM file (BitsAllocated): 8, 16 or 32; 32 or 64 for floats.
     pub(super) allocated: u32,
-    /// Number of bits that hold the value of an integer, and the highest of them.
+    /// Number of bits that hold an integer pixel value (BitsStored), and the highest of these bits (HighBit).
     pub(super) stored: u32,
     pub(super) high: u32,
     pub(super) is_signed: bool,
@@ -31,7 +31,7 @@ impl Layout {
         self.pixels() * (self.allocated / 8) as usize
     }
 
-    /// Smallest and largest possible value of an integer pixel.
+    /// Returns the smallest and largest possible value of an integer DICOM pixel.
     pub(super) fn range(&self) -> [i64; 2] {
         match self.is_signed {
             true => [-(1 << (self.stored - 1)), (1 << (self.stored - 1)) - 1],
@@ -39,12 +39,13 @@ impl Layout {
         }
     }
 
-    /// Integer in all allocated bits of a pixel.
+    /// Returns the integer in all allocated bits of a DICOM pixel.
     pub(super) fn allocated_value(&self, pixel: u64) -> i64 {
         self.low_bits(pixel, self.allocated)
     }
 
-    /// Integer in the stored bits of a pixel, without the overlays that old files keep beside it.
+    /// Returns the integer in the stored bits of a DICOM pixel. Ignores overlay bits, which old files store in the
+    /// unused bits.
     pub(super) fn value(&self, pixel: u64) -> i64 {
         self.low_bits(pixel >> (self.high + 1 - self.stored), self.stored)
     }
@@ -54,13 +55,13 @@ impl Layout {
         if self.is_signed && value >> (bits - 1) == 1 { value - (1 << bits) } else { value }
     }
 
-    /// Value of a pixel that is a float.
+    /// Returns the value of a floating-point DICOM pixel.
     pub(super) fn float(&self, pixel: u64) -> f64 {
         if self.allocated == 64 { f64::from_bits(pixel) } else { f32::from_bits(pixel as u32).into() }
     }
 }
 
-/// Compression of pixels.
+/// Compression method of DICOM pixel data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Codec {
     Rle,
@@ -69,8 +70,8 @@ enum Codec {
     Jpeg2000,
 }
 
-/// Compressed transfer syntaxes with decoders in Rust: RLE, JPEG (8 bits, and lossless up to 16), JPEG-LS and JPEG 2000; and
-/// whether they are lossy.
+/// Supported compressed transfer syntaxes of DICOM, each with its decoder and whether it is lossy. RLE, JPEG (8 bits,
+/// and lossless up to 16), JPEG-LS and JPEG 2000 have decoders in Rust.
 const CODECS: [(&str, Codec, bool); 9] = [
     (uids::RLE_LOSSLESS, Codec::Rle, false),
     (uids::JPEG_BASELINE8_BIT, Codec::Jpeg, true),
@@ -83,23 +84,25 @@ const CODECS: [(&str, Codec, bool); 9] = [
     (uids::JPEG2000, Codec::Jpeg2000, true),
 ];
 
-/// Retired transfer syntax of old files.
+/// UID of the retired DICOM transfer syntax Explicit VR Big Endian.
 const EXPLICIT_BIG: &str = "1.2.840.10008.1.2.2";
-/// Largest ratio of pixel bytes to compressed bytes, beyond a small size: uniform pictures compress best.
+/// Largest accepted ratio of decoded to compressed DICOM pixel bytes, and a decoded size that is always accepted.
+/// Uniform images compress best.
 const MAX_RATIO: u64 = 4000;
 const SMALL_BYTES: u64 = 2 << 20;
 
-/// Warning about a lossy transfer syntax.
+/// Returns a warning if a DICOM transfer syntax is lossy.
 pub(super) fn lossy_warning(syntax: &str) -> Option<&'static str> {
     let is_lossy = CODECS.iter().any(|(uid, _, is_lossy)| *uid == syntax && *is_lossy);
     is_lossy
         .then_some("its pixels are compressed with loss: values are near those of the scanner, not the same")
 }
 
-/// Positions of the pixels of each frame: one span if uncompressed, otherwise one or more fragments.
+/// Finds the byte ranges of the pixels of each DICOM frame: one range if uncompressed, otherwise one or more
+/// fragments.
 ///
 /// # Errors
-/// There are no pixels, fewer than claimed, or they are compressed by an unsupported method.
+/// The file has no pixels or fewer than it claims, or an unsupported method compresses them.
 pub(super) fn spans(
     path: &Path,
     set: &DataSet,
@@ -136,8 +139,8 @@ pub(super) fn spans(
     }
 }
 
-/// Assigns fragments to frames: all to a single frame, one to each, or by the table of offsets, which counts from the
-/// first fragment's item.
+/// Assigns the fragments of compressed DICOM pixel data to frames. A single frame takes all fragments. Otherwise each
+/// frame takes one fragment, or the Basic Offset Table gives the fragments of each frame.
 fn encapsulated(fragments: &[Span], frames: usize, table: &[u8]) -> Result<Vec<Vec<Span>>, String> {
     let data = fragments.get(1..).unwrap_or_default();
     let Some(first) = data.first() else { return Err("it has no pixels".into()) };
@@ -177,7 +180,7 @@ fn codec(syntax: &str) -> Result<Codec, String> {
     })
 }
 
-/// Reads the pixels of a frame into `out`; `convert` maps the bits of a pixel to its value.
+/// Reads the pixels of a DICOM frame into `out`; `convert` maps the bits of a pixel to its value.
 ///
 /// # Errors
 /// The pixels cannot be read or decoded, or are fewer than `out` holds.
@@ -201,7 +204,7 @@ pub(super) fn read_frame(
     Ok(())
 }
 
-/// Words of so many bits.
+/// Splits the bytes of DICOM pixel data into unsigned integers of `bits` bits each.
 fn words(bytes: &[u8], bits: u32, big_endian: bool) -> Vec<u64> {
     let word = |bytes: &[u8]| {
         let mut word = [0; 8];
@@ -214,7 +217,7 @@ fn words(bytes: &[u8], bits: u32, big_endian: bool) -> Vec<u64> {
     bytes.chunks_exact((bits / 8) as usize).map(word).collect()
 }
 
-/// Decodes the pixels of a frame into the low bits of words.
+/// Decodes a compressed DICOM frame. Each pixel is in the low bits of a 64-bit word.
 fn decoded(codec: Codec, bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
     if codec == Codec::Rle {
         return rle(bytes, layout);
@@ -267,7 +270,8 @@ fn jpeg_2000(bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
     let [component] = decoded.components() else {
         return Err("its pixels are colours; scalars are needed".into());
     };
-    // The decoder adds half the range to signed samples; without it they are in two's complement, as native pixels are.
+    // The decoder adds half the range to signed samples. Without that offset they are in two's complement,
+    // like native pixels.
     let shift = if is_signed(bytes) { 1i32 << (component.bit_depth() - 1) } else { 0 };
     Ok(component.samples().iter().map(|&v| u64::from((v.round() as i32 - shift) as u32)).collect())
 }
@@ -281,7 +285,7 @@ fn is_signed(bytes: &[u8]) -> bool {
     start.and_then(|at| bytes.get(at + DEPTH)).is_some_and(|depth| depth & 0x80 != 0)
 }
 
-/// Decodes planes of bytes, the most significant one first (PS3.5, annex G).
+/// Decodes DICOM RLE: byte planes, the most significant one first (PS3.5, annex G).
 ///
 /// The decoder of `dicom-transfer-syntax-registry` panics on wrong segment offsets.
 fn rle(bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
@@ -303,7 +307,7 @@ fn rle(bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
     Ok(pixels)
 }
 
-/// Decodes `count` bytes of PackBits; `None` if there are fewer.
+/// Decodes PackBits run-length data to `count` bytes; `None` if the data end early.
 fn unpacked(mut packed: &[u8], count: usize) -> Option<Vec<u8>> {
     let mut out = Vec::new();
     while out.len() < count {

@@ -1,4 +1,4 @@
-//! Files of a folder, grouped into series; one series is one volume.
+//! Groups the DICOM files of a folder into series; each series is one volume.
 
 use super::dataset::{DataSet, MAX_FRAMES, PixelData, printable};
 use super::elements::is_dicom;
@@ -14,11 +14,11 @@ use std::path::{Path, PathBuf};
 use walkdir::{DirEntry, WalkDir};
 
 pub(super) const WHAT: &str = "cannot read DICOM series";
-/// Largest number of files, and largest depth of folders, that are searched.
+/// Limits of the search for DICOM files in a folder: largest number of files and largest folder depth.
 const MAX_FILES: usize = 200_000;
 const MAX_DEPTH: usize = 8;
 
-/// File with one or more frames.
+/// DICOM image file with one or more frames.
 #[derive(Debug)]
 pub(super) struct Image {
     pub(super) path: PathBuf,
@@ -27,29 +27,30 @@ pub(super) struct Image {
     pub(super) frames: usize,
 }
 
-/// Images of one acquisition that share size and orientation.
+/// DICOM series: image files of one acquisition that have the same image size and orientation.
 #[derive(Debug)]
 pub(super) struct Series {
     pub(super) images: Vec<Image>,
-    /// Number of damaged files in the folder, and why the first cannot be read.
+    /// Number of damaged DICOM files in the folder, and the error text of the first one.
     pub(super) damaged: usize,
     pub(super) first_fault: String,
     key: Key,
 }
 
-/// Identity of a series, which is also the order in which series are listed.
+/// Identity of a DICOM series. Its order is also the order in which series are listed.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
     number: i64,
     uid: String,
     rows: usize,
     columns: usize,
-    /// Directions of rows and columns in hundredths. Localisers lie across the other slices and form their own series.
+    /// Directions of image rows and columns (ImageOrientationPatient), times 100 and rounded. Localisers have other
+    /// directions and thus form their own series.
     orientation: Option<[i64; 6]>,
 }
 
 impl Key {
-    /// Whether two keys are equal up to rounding of the directions.
+    /// Whether two DICOM files belong to one series. The image directions may differ by rounding.
     fn matches(&self, other: &Self) -> bool {
         let near = |a: &[i64; 6], b: &[i64; 6]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1);
         let turned = match (&self.orientation, &other.orientation) {
@@ -68,7 +69,7 @@ impl Series {
         Self { images, key, damaged: 0, first_fault: String::new() }
     }
 
-    /// Layout that holds the values of all images.
+    /// Returns a pixel format that can hold the pixel values of all files of a DICOM series.
     pub(super) fn widest_layout(&self) -> Layout {
         let mut widest = self.images[0].layout;
         for Image { layout, .. } in &self.images {
@@ -82,7 +83,7 @@ impl Series {
         widest
     }
 
-    /// One-line description without names of people.
+    /// Describes a DICOM series in one line, without names of people.
     pub(super) fn summary(&self) -> String {
         let Some(first) = self.images.first() else { return String::new() };
         let text = |tag| first.set.root.text(tag).map(|t| printable(&t));
@@ -99,12 +100,12 @@ impl Series {
     }
 }
 
-/// Reason why a file is not an image of a series.
+/// Reason why a file cannot be used as an image of a DICOM series.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// The file is valid, and holds no scalar image.
+    /// The DICOM file is valid but holds no scalar image.
     NoScalars(String),
-    /// The file cannot be read.
+    /// The DICOM file is damaged or cannot be read.
     Damaged(String),
 }
 
@@ -121,7 +122,7 @@ impl From<String> for Refused {
     }
 }
 
-/// Reads the attributes of an image file.
+/// Reads the attributes and the pixel format of a DICOM image file.
 ///
 /// # Errors
 /// The file is no DICOM file, has no scalar pixels, or its attributes contradict each other.
@@ -184,7 +185,7 @@ fn key(image: &Image) -> Key {
     }
 }
 
-/// Groups images into series, in the order of their keys.
+/// Groups DICOM images into series, and sorts the series.
 fn grouped(images: Vec<Image>) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for image in images {
@@ -198,10 +199,10 @@ fn grouped(images: Vec<Image>) -> Vec<Series> {
     all
 }
 
-/// Finds the series of a file, or the series number `chosen` (from 1) of a folder.
+/// Finds the DICOM series that a file belongs to, or series number `chosen` (from 1) of a folder.
 ///
 /// # Errors
-/// There is no series, or there are several and none is chosen.
+/// The path holds no DICOM series, or several series and `chosen` selects none.
 pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Result<Series> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
     if !path.is_dir() {
@@ -244,25 +245,25 @@ pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Res
     }
 }
 
-/// Records in a series how many files of the folder are damaged, and the first fault.
+/// Stores in a DICOM series the number of damaged files of the folder and the first error text.
 fn with_faults(series: Series, faults: &[String]) -> Series {
     let first_fault = faults.first().cloned().unwrap_or_default();
     Series { damaged: faults.len(), first_fault, ..series }
 }
 
-/// Whether a file begins as a DICOM file.
+/// Whether the first bytes of a file are those of a DICOM file.
 fn is_dicom_file(path: &Path) -> bool {
     let mut head = [0; 160];
     let got = File::open(path).ok().and_then(|mut file| read_full(&mut file, &mut head).ok());
     got.is_some_and(|got| is_dicom(&head[..got]))
 }
 
-/// Whether a folder, or a folder in it, holds a DICOM file.
+/// Whether a folder or its subfolders hold a DICOM file.
 pub(super) fn holds_dicom(folder: &Path) -> bool {
     files_in(folder, MAX_DEPTH).par_iter().any(|file| is_dicom_file(file))
 }
 
-/// Reads the images among some files, and returns the faults of damaged ones; other files are skipped.
+/// Reads all DICOM images among `files`, and returns the error texts of damaged files. Other files are skipped.
 fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
     let pieces = loading.pieces(ReadingStage::Reading, 4 * files.len());
     let read: Vec<Result<Image, String>> = files
@@ -287,7 +288,7 @@ fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
     (images.into_iter().flatten().collect(), faults.into_iter().filter_map(Result::err).collect())
 }
 
-/// Files of a folder and of the folders in it, sorted by name.
+/// Lists the files of a folder and its subfolders, down to `depth` levels, sorted by path.
 fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
     let entries = WalkDir::new(folder).max_depth(1 + depth).into_iter().flatten();
     let files = entries.filter(|entry| entry.file_type().is_file()).map(DirEntry::into_path);
@@ -296,17 +297,18 @@ fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
     files
 }
 
-/// Frame of an image and its position in LPS mm.
+/// One frame of a DICOM image file, with its position in LPS mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slice {
     pub(super) image: usize,
     pub(super) frame: usize,
     pub(super) position: Option<DVec3>,
-    /// Order of slices at the same position: time, acquisition, number.
+    /// Sort key of DICOM slices at equal positions: temporal position, acquisition number, instance number.
     pub(super) order: [i64; 3],
 }
 
-/// Offset of a frame without its own position from the first frame: by the dose grid's offsets, or evenly spaced.
+/// Returns the offset of a DICOM frame without its own position from the first frame, in LPS mm. It uses the offsets
+/// of the dose grid (GridFrameOffsetVector), or equal spacing.
 fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
     let numbers = |tag| set.of_frame(frame, tag).and_then(|a| a.numbers(tag));
     let normal = numbers(tags::IMAGE_ORIENTATION_PATIENT)
@@ -319,7 +321,7 @@ fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
 }
 
 impl Series {
-    /// Returns the frames of all images, in order.
+    /// Returns the frames of all files of a DICOM series, ordered by time, acquisition and instance number.
     pub(super) fn slices(&self) -> Vec<Slice> {
         let mut slices = Vec::new();
         for (at, Image { set, frames, .. }) in self.images.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Placement of slices: their order, the affine, and repeated, missing or unevenly spaced slices.
+//! Stacks DICOM slices into a volume: slice order, affine, and repeated, missing or unevenly spaced slices.
 
 use super::series::{Series, Slice};
 use crate::formats::common::affine;
@@ -7,31 +7,34 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use glam::{DAffine3, DVec3};
 
-/// Distance below which slices have the same position: in mm, and relative to the usual spacing.
+/// Distance below which two DICOM slices count as being at one position: in mm, and relative to the median spacing.
 const SAME_MM: f64 = 1e-3;
 const SAME: f64 = 0.05;
-/// Deviation from even positions that counts as even, relative to the spacing.
+/// Largest deviation of DICOM slice positions from an even grid that counts as even, relative to the spacing.
 const EVEN: f64 = 0.02;
-/// Deviation that rounding to tenths of a millimetre explains, and its largest share of the spacing.
+/// Largest deviation from even DICOM slice positions that rounding to 0.1 mm may explain: in mm, and relative to the
+/// spacing.
 const ROUNDED_MM: f64 = 0.06;
 const MAX_ROUNDED: f64 = 0.25;
-/// Largest share of the spacing that rounding to the written decimals explains.
+/// Largest deviation from even DICOM slice positions that rounding to the written decimals may explain, relative to
+/// the spacing.
 const MAX_WRITTEN: f64 = 0.45;
-/// Distance, relative to the spacing, at which a resampled layer takes a slice unchanged.
+/// Distance below which a layer of the resampled volume copies the nearest DICOM slice, relative to the layer
+/// spacing.
 const SNAP: f64 = 0.01;
-/// Distance of slices from a straight line that leads to a warning, mm.
+/// Distance of DICOM slice positions from a straight line above which a warning is given, mm.
 const ASIDE_MM: f64 = 0.05;
-/// Largest ratio of resampled layers to slices.
+/// Largest ratio of layers in the resampled volume to DICOM slices.
 const MAX_GROWTH: usize = 4;
 
-/// Source of a layer of the volume: one slice, or two and the weight of the second.
+/// Source of one z layer of a volume: a DICOM slice, or two neighbouring slices and the weight of the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Layer {
     Slice(usize),
     Between(usize, f64),
 }
 
-/// Slices of one frame, ordered along the normal.
+/// DICOM slices of one frame, ordered along the slice normal, with the affine of the volume.
 pub(super) struct Stack {
     pub(super) slices: Vec<Slice>,
     pub(super) layers: Vec<Layer>,
@@ -41,10 +44,10 @@ pub(super) struct Stack {
     pub(super) warnings: Vec<String>,
 }
 
-/// Orders and places the slices of a series.
+/// Orders the slices of a DICOM series and computes the affine of the volume.
 ///
 /// # Errors
-/// The slices do not form a grid.
+/// The DICOM slices do not form a regular grid.
 pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     let slices = series.slices();
     let first = slices.first().ok_or("it has no slices")?;
@@ -119,13 +122,13 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     })
 }
 
-/// Orientation and pixel spacing of the slices.
+/// Orientation and pixel spacing of DICOM slices.
 struct Plane {
-    /// Steps from pixel to pixel along rows and columns, LPS mm.
+    /// Vectors from a pixel of a DICOM slice to the next one along rows and columns, LPS mm.
     across: [DVec3; 2],
-    /// Unit normal.
+    /// Unit normal of the DICOM slices.
     normal: DVec3,
-    /// Distance between slices by the attributes, mm.
+    /// Distance between DICOM slices by their attributes (SpacingBetweenSlices or SliceThickness), mm.
     thickness: Option<f64>,
 }
 
@@ -160,7 +163,7 @@ impl Plane {
     }
 }
 
-/// Stacks slices without positions in the order of their numbers.
+/// Stacks DICOM slices that have no positions, in the order of their instance numbers.
 fn in_order(
     slices: Vec<Slice>,
     plane: &Plane,
@@ -189,7 +192,7 @@ fn in_order(
     })
 }
 
-/// Warns of slices that are not on a straight line or are sheared.
+/// Adds warnings for DICOM slices that are off a straight line or sheared (tilted gantry).
 fn warn_of_placement(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: &mut Vec<String>) {
     let at = |slice: &Slice| slice.position.unwrap_or_default();
     let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
@@ -211,7 +214,7 @@ fn warn_of_placement(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: 
     }
 }
 
-/// Refuses a series with several orientations or pixel sizes.
+/// Returns an error if the slices of a DICOM series have several orientations or pixel sizes.
 fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
     let of = |slice: &Slice, tag| {
         let set = &series.images[slice.image].set;
@@ -236,16 +239,17 @@ fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
     Ok(())
 }
 
-/// Distinction between slices at the same position.
+/// Method to separate DICOM slices at one position into frames.
 enum FrameGrouping {
     One,
-    /// By the order of their numbers; each position has the same count.
+    /// Separates frames by the rank of each DICOM slice among the slices at its position. All positions have this
+    /// number of slices.
     ByRank(usize),
-    /// By time and acquisition.
+    /// Separates frames by the temporal position and acquisition number of the DICOM slices.
     ByTime(Vec<[i64; 2]>),
 }
 
-/// Groups slices at the same position into frames.
+/// Decides how DICOM slices at one position are separated into frames.
 fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> FrameGrouping {
     let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 1), |(a, b), n| (a.min(n), b.max(n)));
     if most == 1 {
@@ -271,7 +275,8 @@ fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> FrameGrouping
     FrameGrouping::One
 }
 
-/// Uncertainty of a slice's depth due to the decimals of written positions, mm; 0 if unknown.
+/// Returns the uncertainty of DICOM slice positions along the normal, in mm, due to the number of written decimals; 0
+/// if unknown.
 fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
     let decimals = |slice: &Slice| {
         let of = series.images[slice.image].set.of_frame(slice.frame, tags::IMAGE_POSITION_PATIENT);
@@ -284,7 +289,8 @@ fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
     unit_mm * normal.abs().element_sum()
 }
 
-/// Layers of the volume for slices at ascending depths with an uncertainty of `written_mm`, and their number.
+/// Computes the z layers of the volume from DICOM slices at ascending depths, and the number of layers. `written_mm`
+/// is the uncertainty of the depths.
 fn layers(
     depths: &[f64],
     written_mm: f64,

@@ -1,24 +1,25 @@
-//! Modality lookup tables: values of stored numbers that no linear scaling gives.
+//! DICOM modality lookup tables, which map stored pixel values to physical values non-linearly.
 //!
 //! Source: DICOM PS3.3, C.11.1.1.
 
 use super::dataset::DataSet;
 use dicom_dictionary_std::tags;
 
-/// Lookup table; stored numbers beyond its ends have the first or the last value.
+/// DICOM modality lookup table. Stored values outside the table map to its first or last entry.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Table {
     first: i64,
     values: Vec<u16>,
-    /// Bits of a value.
+    /// Bits of each value in the DICOM lookup table.
     pub(super) bits: u32,
 }
 
 impl Table {
-    /// Reads the table of a file, if it has one; `is_signed` is that of its stored numbers.
+    /// Reads the modality lookup table of a DICOM file, if it has one. `is_signed` tells whether the stored pixels
+    /// are signed.
     ///
     /// # Errors
-    /// The table has no descriptor, or fewer values than it claims.
+    /// The lookup table has no descriptor, or fewer values than its descriptor claims.
     pub(super) fn new(set: &DataSet, is_signed: bool) -> Result<Option<Self>, String> {
         let Some(table) = set.root.items(tags::MODALITY_LUT_SEQUENCE).first() else { return Ok(None) };
         let descriptor = table.numbers(tags::LUT_DESCRIPTOR).filter(|d| d.len() == 3);
@@ -36,7 +37,7 @@ impl Table {
         Ok(Some(Self { first, values: values[..count].to_vec(), bits }))
     }
 
-    /// Value of a stored number.
+    /// Returns the entry of the DICOM lookup table for a stored pixel value.
     pub(super) fn value(&self, stored: i64) -> u16 {
         let at = usize::try_from(stored - self.first).unwrap_or(0);
         self.values[at.min(self.values.len() - 1)]

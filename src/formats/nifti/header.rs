@@ -1,16 +1,16 @@
-//! NIfTI-1 and NIfTI-2 headers in one form, and the affine that they give.
+//! Parses the headers of NIfTI-1, NIfTI-2 and Analyze 7.5, and computes the affine of the volume.
 
 use crate::files::binary::BinaryFields;
 use crate::volume::{AffineSource, ByteOrder, Element, Scaling, ValueMeaning};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
-/// Sizes in bytes of NIfTI-1 and NIfTI-2 headers.
+/// Sizes of NIfTI-1 and NIfTI-2 headers, in bytes.
 pub(super) const HEADER_BYTES: [usize; 2] = [348, 540];
-/// Bytes after the header of a single file that announce extensions.
+/// Size of the extension flags after the header of a single-file NIfTI volume, in bytes.
 const EXTENDER_BYTES: u64 = 4;
 
-/// Datatype codes of the supported element types.
+/// NIfTI datatype codes of the supported voxel types.
 pub(super) const DATATYPES: [(i16, Element); 10] = [
     (2, Element::U8),
     (4, Element::I16),
@@ -24,19 +24,19 @@ pub(super) const DATATYPES: [(i16, Element); 10] = [
     (1280, Element::U64),
 ];
 
-/// Fields of both versions of the format.
+/// Header of a NIfTI-1, NIfTI-2 or Analyze 7.5 volume, with the field names of NIfTI.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
-    /// Version of the format, 1 or 2.
+    /// Version of the NIfTI format, 1 or 2.
     pub(super) version: u8,
-    /// Whether the header is of Analyze 7.5, the predecessor without forms and magic.
+    /// Whether the header is Analyze 7.5, the predecessor of NIfTI without qform, sform and magic bytes.
     pub(super) is_analyze: bool,
     pub(super) byte_order: ByteOrder,
-    /// Whether the voxels are in a second file (`.img`).
+    /// Whether the voxels of the NIfTI volume are in a second file (`.img`).
     pub(super) is_pair: bool,
     pub(super) dim: [i64; 8],
     pub(super) intent_code: i32,
-    /// Free text, in which converters describe the sequence of an MR scan.
+    /// Free text of the NIfTI header. Converters write the parameters of an MR sequence there.
     pub(super) descrip: String,
     pub(super) datatype: i16,
     pub(super) bitpix: i16,
@@ -52,7 +52,7 @@ pub(super) struct Header {
     pub(super) srow: [[f64; 4]; 3],
 }
 
-/// Recognises version and byte order by the first four bytes of a file, which hold the header's size.
+/// Finds NIfTI version and byte order from the first four bytes of a file, which hold the size of the header.
 pub(super) fn recognise(start: [u8; 4]) -> Option<(u8, ByteOrder)> {
     [(1, HEADER_BYTES[0]), (2, HEADER_BYTES[1])].into_iter().find_map(|(version, bytes)| {
         if u32::from_le_bytes(start) as usize == bytes {
@@ -66,10 +66,10 @@ pub(super) fn recognise(start: [u8; 4]) -> Option<(u8, ByteOrder)> {
 }
 
 impl Header {
-    /// Parses a whole header that [`recognise`] has accepted.
+    /// Parses a complete NIfTI header that [`recognise`] has accepted.
     ///
     /// # Errors
-    /// The magic is missing, or the number of dimensions is invalid.
+    /// The magic bytes are missing, or the number of dimensions is invalid.
     pub(super) fn parse(bytes: &[u8], version: u8, byte_order: ByteOrder) -> Result<Self, String> {
         if version == 1 { Self::parse_v1(bytes, byte_order) } else { Self::parse_v2(bytes, byte_order) }
     }
@@ -155,7 +155,8 @@ impl Header {
         })
     }
 
-    /// Grid size and number of frames (the product of every dimension beyond the third).
+    /// Returns the grid size and the number of frames of a NIfTI volume. Frames are the product of all dimensions
+    /// beyond the third.
     ///
     /// # Errors
     /// A dimension is below 1, or the product overflows.
@@ -179,7 +180,7 @@ impl Header {
         Ok(([dims[0], dims[1], dims[2]], frames))
     }
 
-    /// Element type.
+    /// Returns the voxel type of a NIfTI volume.
     ///
     /// # Errors
     /// The voxels are colours, complex numbers, or of another unsupported type.
@@ -197,10 +198,11 @@ impl Header {
         })
     }
 
-    /// Scaling of the values; a slope that is 0 or not finite means none.
+    /// Returns the linear mapping from stored to physical values of a NIfTI volume (`scl_slope`, `scl_inter`). A
+    /// slope that is 0 or not finite means the identity.
     ///
     /// # Errors
-    /// The slope is valid and the intercept is not finite.
+    /// The slope is valid but the intercept is not finite.
     pub(super) fn scaling(&self) -> Result<Scaling, String> {
         if self.scl_slope == 0.0 || !self.scl_slope.is_finite() {
             return Ok(Scaling::IDENTITY);
@@ -211,7 +213,8 @@ impl Header {
         Ok(Scaling { slope: self.scl_slope, intercept: self.scl_inter })
     }
 
-    /// Meaning of the values by the intent code or the description. The format has no code for HU.
+    /// Derives the meaning of the voxel values from the NIfTI intent code or the description text. NIfTI has no code
+    /// for HU.
     pub(super) fn value_meaning(&self) -> ValueMeaning {
         match self.intent_code {
             2..=24 => ValueMeaning::Other(format!("NIfTI intent {}, a statistic", self.intent_code)),
@@ -224,10 +227,10 @@ impl Header {
         }
     }
 
-    /// First byte of the voxels in their file.
+    /// Returns the offset of the voxels in the NIfTI data file, in bytes.
     ///
     /// # Errors
-    /// The offset is negative, not a number, or inside the header of a single file.
+    /// `vox_offset` is negative, not a number, or inside the header of a single file.
     pub(super) fn data_offset(&self) -> Result<u64, String> {
         let offset = self.vox_offset;
         if !(0.0..9.0e18).contains(&offset) {
@@ -243,8 +246,9 @@ impl Header {
         }
     }
 
-    /// World mm (RAS+) from index coordinates: sform if its code is above 0, else qform if its code is above 0, else
-    /// voxel sizes. A form that is singular or not finite is skipped with a warning.
+    /// Returns the affine of a NIfTI volume from voxel indices to world coordinates (RAS+, mm), and its source. The
+    /// sform is used if its code is above 0, else the qform if its code is above 0, else the voxel sizes. A form that
+    /// is singular or not finite is skipped with a warning.
     pub(super) fn affine(&self, warnings: &mut Vec<String>) -> (DAffine3, AffineSource) {
         let usable =
             |a: &DAffine3| a.is_finite() && a.inverse().is_finite() && a.matrix3.determinant() != 0.0;
@@ -312,7 +316,8 @@ impl Header {
         DAffine3::from_mat3_translation(DMat3::from_diagonal(size), -(size * centre))
     }
 
-    /// Absolute values of `pixdim[1..=3]`; 0 and non-finite values count 1 mm.
+    /// Returns the voxel sizes of a NIfTI volume in mm: the absolute values of `pixdim[1..=3]`. A size that is 0 or
+    /// not finite becomes 1 mm.
     fn voxel_sizes_mm(&self, warnings: &mut Vec<String>) -> DVec3 {
         let mut warn = |text: String| {
             if !warnings.contains(&text) {

@@ -1,7 +1,7 @@
-//! NIfTI-1, NIfTI-2 and Analyze 7.5: `.nii`, `.hdr` with `.img`, each plain or gzipped.
+//! Reads NIfTI-1, NIfTI-2 and Analyze 7.5 volumes: `.nii`, or `.hdr` with `.img`, each plain or gzipped.
 //!
-//! The `nifti` crate reads the headers of NIfTI-1. Version 0.18 cannot read the voxels: it ignores `vox_offset`, allocates
-//! the sizes that a header claims, and reads only the first member of a gzip file.
+//! The `nifti` crate parses the headers of NIfTI-1. It cannot read the voxels: version 0.18 ignores `vox_offset`,
+//! allocates the sizes that a header claims, and reads only the first member of a gzip file.
 
 mod header;
 mod write;
@@ -17,10 +17,11 @@ use crate::volume::read::read_full;
 use crate::volume::{Element, Provenance, Scaling, Volume};
 use std::path::{Path, PathBuf};
 
-/// Reads one frame (from 0) of a NIfTI file, or of a pair by the name of either file.
+/// Reads one frame (from 0) of a NIfTI file, or of a `.hdr`/`.img` pair by the name of either file.
 ///
 /// # Errors
-/// The file cannot be read, is not NIfTI, holds no scalars, or has less data than its header claims; or it was cancelled.
+/// The file cannot be read, is not NIfTI, holds no scalars, or has less data than its header claims; or reading was
+/// cancelled.
 pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume> {
     let pair = Pair::new(path);
     let header_path = pair.as_ref().map_or(path, |pair| &pair.header);
@@ -70,7 +71,7 @@ pub fn is_nifti(path: &Path) -> bool {
     Source::open(&path, &loading).is_ok_and(|mut source| read_header(&mut source, &path).is_ok())
 }
 
-/// Reads the header and returns its size in bytes.
+/// Reads the header of a NIfTI file and returns it with its size in bytes.
 fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
     let refuse = refusal(path);
     let mut bytes = [0u8; HEADER_BYTES[1]];
@@ -115,7 +116,7 @@ fn header_warnings(header: &Header, element: Element) -> Vec<String> {
     warnings
 }
 
-/// Lists the files of an image: both of a pair.
+/// Lists the files of a NIfTI volume: both files of a `.hdr`/`.img` pair, otherwise one.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     match Pair::new(path) {
         Some(Pair { header, voxels }) if header.exists() && voxels.exists() => vec![header, voxels],
@@ -123,7 +124,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Files of a `.hdr`/`.img` pair, from the name of either.
+/// Paths of a NIfTI `.hdr`/`.img` pair, from the name of either file.
 struct Pair {
     header: PathBuf,
     voxels: PathBuf,

@@ -1,6 +1,7 @@
-//! Writer of NIfTI-1 files (`.nii` and `.nii.gz`).
+//! Writes NIfTI-1 volumes (`.nii` and `.nii.gz`).
 //!
-//! The writer of the `nifti` crate drops the scaling of the values and overwrites files in place.
+//! The writer of the `nifti` crate is not used: it drops the slope and intercept of the values, and overwrites files
+//! in place.
 
 use super::header::DATATYPES;
 use crate::error::{Error, Result};
@@ -12,17 +13,18 @@ use glam::{DMat3, DQuat};
 use std::io::Write;
 use std::path::Path;
 
-/// Size of the header and of the four bytes that announce no extensions.
+/// Offset of the voxels in a written NIfTI-1 file, in bytes: header and four extension flags.
 const VOX_OFFSET: usize = 352;
-/// Largest deviation of an affine from rotation and scaling that a qform may have: a few roundings of `f32`.
+/// Largest deviation from a rotation at which an affine is still written as a NIfTI qform: a few roundings of `f32`.
 const QFORM_TOLERANCE: f64 = 1e-6;
 
-/// File-name endings that [`write_nifti`] accepts.
+/// File extensions that [`write_nifti`] accepts.
 pub const NIFTI_EXTENSIONS: &[&str] = &["nii", "nii.gz"];
 
-/// Writes a volume with its scaling and its affine in `f32`: as sform, and without shear as qform too.
+/// Writes a volume as NIfTI-1 with its slope, intercept and affine in `f32`. The affine is written as sform, and as
+/// qform too if it has no shear.
 ///
-/// The file appears whole or not at all.
+/// A failed write leaves no partial file.
 ///
 /// # Errors
 /// The name does not end in `.nii` or `.nii.gz`, a dimension is beyond 32767, or the file cannot be written.
@@ -83,7 +85,7 @@ fn header(volume: &Volume) -> std::result::Result<[u8; VOX_OFFSET], String> {
     Ok(header)
 }
 
-/// Rotation with `w >= 0` and qfac of an affine's matrix; `None` if the matrix has shear.
+/// Returns the quaternion (`w >= 0`) and `qfac` of a NIfTI qform for the matrix of an affine; `None` if it has shear.
 fn qform(matrix: DMat3) -> Option<(DQuat, f64)> {
     let qfac = if matrix.determinant() < 0.0 { -1.0 } else { 1.0 };
     let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis * qfac].map(|axis| axis.normalize());

@@ -1,4 +1,4 @@
-//! Description of a TIFF stack in its first page: voxel sizes, calibration, and the order of pages.
+//! ImageJ or OME description in the first page of a TIFF stack: voxel sizes, calibration, and page order.
 
 use crate::formats::common::mm_of;
 use crate::volume::Scaling;
@@ -8,11 +8,11 @@ use tiff::decoder::Decoder;
 use tiff::decoder::ifd::Value;
 use tiff::tags::Tag;
 
-/// Description in the first page.
+/// ImageDescription text and resolution of the first page of a TIFF stack.
 #[derive(Debug, Default)]
 pub(super) struct Description {
     pub(super) text: String,
-    /// Pixels per unit along x and y.
+    /// Pixels per length unit along x and y in a TIFF file (XResolution and YResolution).
     pub(super) resolution: [Option<f64>; 2],
 }
 
@@ -31,7 +31,8 @@ impl Description {
         Self { resolution: [resolution(Tag::XResolution), resolution(Tag::YResolution)], text }
     }
 
-    /// Linear calibration of ImageJ.
+    /// Returns the linear calibration of voxel values that ImageJ wrote into a TIFF file; the identity if there is
+    /// none.
     pub(super) fn scaling(&self) -> Scaling {
         let number = |name: &str| field(&self.text, name).and_then(|v| v.parse::<f64>().ok());
         match (self.text.starts_with("ImageJ="), field(&self.text, "cf"), number("c0"), number("c1")) {
@@ -42,7 +43,7 @@ impl Description {
         }
     }
 
-    /// Voxel sizes of ImageJ or OME, if they have a unit of length.
+    /// Returns the voxel size in mm from the ImageJ or OME description of a TIFF file; `None` without a length unit.
     pub(super) fn spacing_mm(&self) -> Option<[f64; 3]> {
         if self.text.starts_with("ImageJ=") {
             let unit = mm_of(field(&self.text, "unit")?)?;
@@ -59,12 +60,12 @@ impl Description {
     }
 }
 
-/// Value of a line `name=value`, as ImageJ writes them.
+/// Returns the value of a line `name=value` in an ImageJ description.
 fn field<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('=')).map(str::trim)
 }
 
-/// Value of an XML attribute of an OME header.
+/// Returns the value of an XML attribute in an OME description.
 fn attribute<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     let key = format!("{name}=\"");
     let (at, _) = text.match_indices(&key).find(|(at, _)| text[..*at].ends_with(char::is_whitespace))?;
@@ -75,13 +76,14 @@ fn positive(spacing: [f64; 3]) -> Option<[f64; 3]> {
     spacing.iter().all(|s| s.is_finite() && *s > 0.0).then_some(spacing)
 }
 
-/// Order of pages: for ImageJ channels fastest, then slices, then times; for OME as declared.
+/// Order of the pages of a TIFF stack by channel, slice and time. In ImageJ files channels run fastest, then slices,
+/// then times; OME files declare the order.
 #[derive(Debug, PartialEq)]
 pub(super) struct Order {
     channels: usize,
     pub(super) slices: usize,
     times: usize,
-    /// Page steps between channels, slices and times.
+    /// Distance in pages of a TIFF stack between neighbouring channels, slices and times.
     strides: [usize; 3],
 }
 
@@ -107,7 +109,7 @@ impl Order {
         Ok(if fits && slices > 0 { Self { channels, slices, times, strides } } else { plain })
     }
 
-    /// Order of the first `Pixels` element of an OME header.
+    /// Reads the page order of a TIFF stack from the first `Pixels` element of an OME description.
     fn from_ome(text: &str) -> Option<Self> {
         let (_, pixels) = text.split_once("<Pixels ")?;
         let pixels = &format!(" {}", pixels.split('>').next()?);

@@ -1,7 +1,7 @@
-//! TIFF stacks: a multi-page file, or a folder of single-page files; grey values of 8, 16 and 32 bits.
+//! Reads TIFF stacks: a multi-page file, or a folder of TIFF files; grey values of 8 to 64 bits.
 //!
-//! Pages are slices from index 0 on; files are ordered by the numbers in their names. Voxel sizes come from ImageJ or an OME
-//! header. A resolution alone is not used, since it is meant for printing.
+//! Pages are slices from index 0 on; files are ordered by the numbers in their names. Voxel sizes come from an ImageJ
+//! or OME description. A TIFF resolution alone is not used, since it is meant for printing.
 
 mod description;
 mod pages;
@@ -16,12 +16,12 @@ use crate::volume::{Provenance, Volume};
 use glam::{DAffine3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// File-name endings of the format.
+/// File extensions of the TIFF format.
 pub const EXTENSIONS: &[&str] = &["tif", "tiff"];
 
 const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 
-/// Whether a file is TIFF, or a folder holds files named as TIFF.
+/// Whether a file is TIFF, or a folder holds files with a TIFF extension.
 pub fn is_tiff(head: &Head) -> bool {
     match head.is_folder {
         true => !files_in(&head.path).is_empty(),
@@ -29,15 +29,15 @@ pub fn is_tiff(head: &Head) -> bool {
     }
 }
 
-/// Lists the files of a stack in the order of their slices.
+/// Lists the files of a TIFF stack in the order of their slices.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { files_in(path) } else { vec![path.into()] }
 }
 
-/// Reads one frame (from 0); `spacing_mm` overrides the file's voxel sizes.
+/// Reads one frame (from 0) of a TIFF stack as a volume; `spacing_mm` overrides the voxel sizes of the file.
 ///
 /// # Errors
-/// A file cannot be read, holds colours, or has pages of several sizes.
+/// A TIFF file cannot be read, holds colours, or has pages of several sizes.
 pub fn read_with(
     path: &Path,
     frame: usize,
@@ -72,7 +72,7 @@ pub fn read_with(
     Volume::new_with(voxels, description.scaling(), world_from_index, provenance, loading)
 }
 
-/// Files of a folder that are named as TIFF, ordered by the numbers in their names.
+/// Lists the TIFF files of a folder, ordered by the numbers in their names.
 fn files_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
     let named =
@@ -82,7 +82,7 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Words and numbers of a name, so that `slice10` sorts after `slice9`.
+/// Splits a file name into words and numbers as a sort key: `slice10` sorts after `slice9`.
 fn natural(name: &str) -> Vec<(u128, String)> {
     let mut parts = Vec::new();
     let mut rest = name;

@@ -1,4 +1,4 @@
-//! Pages of TIFF files: all are counted first, then those of one frame are decoded.
+//! Pages of TIFF files: first counts all pages, then decodes those of one frame.
 
 use super::description::{Description, Order};
 use crate::files::loading::Pieces;
@@ -12,16 +12,16 @@ use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-/// Largest ratio of decoded to compressed bytes.
+/// Largest accepted ratio of decoded to compressed TIFF bytes.
 const MAX_RATIO: u64 = 1032;
 
-/// File and the number of its pages.
+/// TIFF file and its number of pages.
 struct CountedFile {
     path: PathBuf,
     pages: usize,
 }
 
-/// Pages of consecutive files.
+/// Pages of the TIFF files of a stack, numbered through all files.
 #[derive(Default)]
 pub(super) struct Pages {
     size: Option<(u32, u32)>,
@@ -34,7 +34,7 @@ fn text(e: tiff::TiffError) -> String {
     e.to_string()
 }
 
-/// Opens a decoder whose memory is limited by the bytes of its file.
+/// Opens a TIFF decoder with a memory limit in proportion to the file size.
 fn open(path: &Path) -> Result<(Decoder<BufReader<File>>, u64), String> {
     let file = File::open(path).map_err(|e| e.to_string())?;
     let file_bytes = file.metadata().map_err(|e| e.to_string())?.len();
@@ -46,10 +46,10 @@ fn open(path: &Path) -> Result<(Decoder<BufReader<File>>, u64), String> {
 }
 
 impl Pages {
-    /// Adds the pages of a file.
+    /// Counts the pages of a TIFF file and adds it to the stack.
     ///
     /// # Errors
-    /// The file cannot be read, holds colours, or has pages of another size.
+    /// The TIFF file cannot be read, holds colours, or has a page whose size differs from the first page.
     pub(super) fn add(&mut self, path: &Path, pieces: &Pieces<'_>) -> Result<(), String> {
         let (mut decoder, file_bytes) = open(path)?;
         let (mut claimed, mut pages) = (0u64, 0);
@@ -92,10 +92,10 @@ impl Pages {
         Ok(())
     }
 
-    /// Reads the voxels of a frame.
+    /// Decodes the voxels of one frame of a TIFF stack.
     ///
     /// # Errors
-    /// A page cannot be read, its type differs from the first, or the host cannot hold the voxels.
+    /// A page cannot be read, its pixel type differs from the first page, or the host has too little memory.
     pub(super) fn voxels(&self, order: &Order, frame: usize, pieces: &Pieces<'_>) -> Result<Voxels, String> {
         let (width, height) = self.size.ok_or("it has no pages")?;
         let mut stack = Assembly::new([width as usize, height as usize, order.slices]);
@@ -128,7 +128,7 @@ impl Pages {
     }
 }
 
-/// Voxels of one page.
+/// Converts the pixels of one TIFF page to voxels.
 fn page_voxels(page: DecodingResult, width: usize, height: usize) -> Result<Voxels, String> {
     macro_rules! voxels {
         ($pixels:expr, $stored:ty) => {{

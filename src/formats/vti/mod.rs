@@ -1,7 +1,7 @@
-//! VTK XML images, `.vti`: one scalar array of an `ImageData`, of its points or else its cells.
+//! Reads VTK XML images (`.vti`): one scalar array of an `ImageData`, from its points or else its cells.
 //!
-//! Coordinates are taken as RAS+ mm, since VTK defines no anatomical axes; so are those of `.vtk` and `.vtp`. In a file with
-//! `SPACE=LPS` among its first bytes x and y are negated.
+//! VTK defines no anatomical axes, so coordinates are taken as RAS+ mm, also in `.vtk` and `.vtp` files. If a file
+//! has `SPACE=LPS` among its first bytes, x and y are negated.
 
 mod skeleton;
 
@@ -25,23 +25,23 @@ use std::fs::File;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// File-name endings of the format.
+/// File extensions of the VTK XML image format.
 pub const EXTENSIONS: &[&str] = &["vti"];
 
-/// Largest effort of the test that pieces cover the image.
+/// Largest number of tests for whether the pieces of a VTK image cover it.
 const MAX_COVER_TESTS: usize = 20_000_000;
-/// Largest number of XML nodes.
+/// Largest number of XML nodes of a VTK image file.
 const MAX_NODES: u32 = 200_000;
 
-/// Whether a file is a VTK image.
+/// Whether a file is a VTK XML image.
 pub fn is_vti(head: &Head) -> bool {
     !head.is_gzipped && kind_of(&head.bytes).is_some_and(|kind| kind == "ImageData")
 }
 
-/// Reads the active scalars, or the first scalar array.
+/// Reads the active scalars of a VTK XML image, or its first scalar array, as a volume.
 ///
 /// # Errors
-/// The file cannot be read, is no image, holds no scalars, or has fewer numbers than its header claims.
+/// The file cannot be read, is no VTK image, holds no scalars, or has fewer numbers than its header claims.
 pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
     let refuse = refusal(path);
     loading.begin(ReadingStage::Reading);
@@ -65,27 +65,27 @@ pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// Position of voxels: at the points of the grid or in its cells.
+/// Position of the voxels of a VTK image: at the grid points or at the cell centres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum At {
     Points,
     Cells,
 }
 
-/// Image by its tags.
+/// VTK image, described by the tags of its XML file.
 struct Image<'a, 'input> {
     node: Node<'a, 'input>,
     coding: Coding,
     skeleton: &'a Skeleton,
     file_bytes: u64,
-    /// First and last point along x, y and z.
+    /// Index of the first and last grid point of the VTK image along x, y and z.
     extent: [[i64; 2]; 3],
     at: At,
 }
 
-/// Part of the grid and its array.
+/// `Piece` element of a VTK image, a sub-box of the grid with its data array.
 struct Piece<'a, 'input> {
-    /// First voxel and number of voxels.
+    /// Index of the first voxel of the VTK piece, and its number of voxels, along x, y and z.
     from: [usize; 3],
     dims: [usize; 3],
     array: Node<'a, 'input>,
@@ -106,7 +106,7 @@ impl<'a, 'input> Image<'a, 'input> {
         if self.coding.big_endian { ByteOrder::Big } else { ByteOrder::Little }
     }
 
-    /// Voxels along each axis of an extent.
+    /// Returns the number of voxels along x, y and z of a VTK extent.
     fn dims(&self, extent: [[i64; 2]; 3]) -> Result<[usize; 3], String> {
         let more = i64::from(self.at == At::Points);
         let dims = extent.map(|[from, to]| to.checked_sub(from).and_then(|n| n.checked_add(more)));
@@ -117,7 +117,7 @@ impl<'a, 'input> Image<'a, 'input> {
         }
     }
 
-    /// Pieces with their arrays, and the common type.
+    /// Finds the pieces of a VTK image with their data arrays, and the number type common to all.
     fn pieces(&self, warnings: &mut Vec<String>) -> Result<(Vec<Piece<'a, 'input>>, Element), String> {
         let data = if self.at == At::Points { "PointData" } else { "CellData" };
         let named = self
@@ -166,7 +166,7 @@ impl<'a, 'input> Image<'a, 'input> {
         Ok((pieces, element.ok_or("it has no pieces")?))
     }
 
-    /// Numbers of an attribute of the image.
+    /// Parses the numbers of an XML attribute of the VTK image; `usual` is the default text.
     fn attribute<const N: usize>(&self, name: &str, usual: &str) -> Result<[f64; N], String> {
         let text = self.node.attribute(name).unwrap_or(usual);
         let found = numbers(text).and_then(|all| all.try_into().ok());
@@ -175,7 +175,7 @@ impl<'a, 'input> Image<'a, 'input> {
         })
     }
 
-    /// World mm from index coordinates.
+    /// Returns the affine from voxel indices of the VTK image to world coordinates (RAS+, mm).
     fn affine(&self) -> Result<glam::DAffine3, String> {
         let (origin, spacing) = (self.attribute("Origin", "0 0 0")?, self.attribute("Spacing", "1 1 1")?);
         let (origin, spacing) = (DVec3::from_array(origin), DVec3::from_array(spacing));
@@ -213,7 +213,7 @@ impl<'a, 'input> Image<'a, 'input> {
         whole.finish().ok_or_else(|| "it has no pieces".into())
     }
 
-    /// Reads the voxels of a `Piece` element.
+    /// Reads the voxels of a `Piece` element of a VTK image.
     fn read<R: Read + Seek>(
         &self,
         piece: &Piece<'_, '_>,
@@ -284,18 +284,18 @@ impl<'a, 'input> Image<'a, 'input> {
     }
 }
 
-/// Arrays of a piece, or of all pieces below a node.
+/// Lists the `DataArray` elements below an XML node of a VTK image, for point or cell data.
 fn arrays<'a, 'input>(node: Node<'a, 'input>, data: &str) -> impl Iterator<Item = Node<'a, 'input>> {
     let of: Vec<Node> = node.descendants().filter(|n| n.has_tag_name(data)).collect();
     of.into_iter().flat_map(|n| n.children()).filter(|n| n.has_tag_name("DataArray"))
 }
 
-/// Arrays of one number for each voxel.
+/// Lists the VTK data arrays with one number per voxel below an XML node.
 fn scalars<'a, 'input>(node: Node<'a, 'input>, data: &str) -> impl Iterator<Item = Node<'a, 'input>> {
     arrays(node, data).filter(|n| n.attribute("NumberOfComponents").is_none_or(|count| count == "1"))
 }
 
-/// Parses an extent: first and last point along x, y and z.
+/// Parses a VTK extent: index of the first and last grid point along x, y and z.
 fn extent(node: Node<'_, '_>, name: &str) -> Result<[[i64; 2]; 3], String> {
     let text = node.attribute(name).unwrap_or_default();
     let all: Option<Vec<i64>> = text.split_ascii_whitespace().map(|n| n.parse().ok()).collect();
@@ -305,7 +305,7 @@ fn extent(node: Node<'_, '_>, name: &str) -> Result<[[i64; 2]; 3], String> {
     }
 }
 
-/// Whether boxes (first voxel and size) cover a grid; they may overlap.
+/// Whether boxes, given by first voxel and size, cover a whole voxel grid; they may overlap.
 fn cover(boxes: &[([usize; 3], [usize; 3])], dims: [usize; 3]) -> Result<bool, String> {
     // Voxels between neighbouring box ends are in the same boxes.
     let ends: [Vec<usize>; 3] = std::array::from_fn(|a| {

@@ -1,27 +1,27 @@
-//! Tags of a VTK XML file without the content of its arrays, which is read later as a stream.
+//! Scans the tags of a VTK XML file without the contents of its data arrays, which are streamed later.
 
 use crate::files::vtk_xml::appended_is_raw;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 
-/// Largest size of all tags and the text between them.
+/// Largest total size of the tags of a VTK XML file and the text between them, in bytes.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// Tags of a file and the positions of its arrays.
+/// Tags of a VTK XML file and the byte positions of its data arrays.
 pub(super) struct Skeleton {
-    /// Text of the file without appended data; each array holds its number instead of its content.
+    /// XML text of a VTK file without appended data. Each data array holds its number instead of its contents.
     pub(super) text: String,
-    /// Position and length of the text of each `DataArray`, by number.
+    /// Byte offset and length of the contents of each `DataArray` of a VTK file, by number.
     pub(super) arrays: Vec<[u64; 2]>,
-    /// Position of the appended data, and whether they are raw.
+    /// Byte offset of the appended data of a VTK file, and whether they are raw bytes.
     pub(super) appended: Option<(u64, bool)>,
 }
 
 impl Skeleton {
-    /// Scans a file.
+    /// Scans the tags of a VTK XML file.
     ///
     /// # Errors
-    /// The file cannot be read, its tags are not text, or they are too long.
+    /// The file cannot be read, its tags are not UTF-8 text, or they are too long.
     pub(super) fn new(file: File) -> Result<Self, String> {
         let mut tags = Tags { input: BufReader::with_capacity(1 << 16, file), at: 0, text: Vec::new() };
         let (mut arrays, mut appended) = (Vec::new(), None);
@@ -48,17 +48,17 @@ impl Skeleton {
     }
 }
 
-/// Scanner of a file, tag by tag.
+/// Scanner that reads a VTK XML file tag by tag.
 struct Tags {
     input: BufReader<File>,
-    /// Position in the file.
+    /// Byte offset of the scanner in the VTK file.
     at: u64,
-    /// XML text of the file without the contents of its data arrays.
+    /// XML text of the VTK file read so far, without the contents of its data arrays.
     text: Vec<u8>,
 }
 
 impl Tags {
-    /// Reads and returns the next tag.
+    /// Reads the next XML tag and returns its text; `None` at the end of the file.
     fn next(&mut self) -> io::Result<Option<Vec<u8>>> {
         let before = self.text.len();
         let mut rest = self.input.by_ref().take(MAX_BYTES.saturating_sub(before as u64));
@@ -74,7 +74,7 @@ impl Tags {
         Ok(Some(self.text[start..].to_vec()))
     }
 
-    /// Reads to the `>` outside of quotes that ends a tag.
+    /// Reads up to the `>` that ends an XML tag, ignoring `>` in quotes.
     fn end_tag(&mut self) -> io::Result<()> {
         let mut quote = None;
         let start = self.text.len();
@@ -99,7 +99,8 @@ impl Tags {
         })
     }
 
-    /// Skips to the position after the next such byte; `None` at the end of the file.
+    /// Skips bytes of the VTK file up to the next `byte`, and returns the offset after it; `None` at the end of the
+    /// file.
     fn skip_to(&mut self, byte: u8) -> io::Result<Option<u64>> {
         loop {
             let buffer = self.input.fill_buf()?;
@@ -116,7 +117,7 @@ impl Tags {
         }
     }
 
-    /// Skips the tags in an array, the first of which is open, to the end of the array.
+    /// Skips the XML tags inside a `DataArray` element, up to its end tag. The `<` of the next tag was already read.
     fn skip_array(&mut self) -> io::Result<()> {
         loop {
             let length = self.text.len();

@@ -1,4 +1,4 @@
-//! Reader of the chunks of an array that a volume needs.
+//! Reads the chunks of a Zarr array that a volume needs.
 
 use super::compression::{CHECKSUM_BYTES, bad, verified};
 use super::metadata::{Array, Layout, Shards};
@@ -14,51 +14,53 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;
 
-/// Largest folder depth and number of files of a store that are counted.
+/// Largest folder depth and largest number of files that are counted in a Zarr store.
 const MAX_DEPTH: usize = 32;
 const MAX_FILES: usize = 8_000_000;
 
-/// Largest ratio of a volume to the bytes of its files, beyond a small size. Missing chunks have the fill value.
+/// Largest ratio of the volume size to the size of the Zarr files, and a volume size that is always accepted. Missing
+/// chunks have the fill value.
 const MAX_RATIO: u64 = 1 << 14;
 const SMALL_BYTES: u64 = 64 << 20;
-/// Largest ratio of missing chunks to files.
+/// Largest ratio of the number of Zarr chunk files that a volume claims to the files that exist.
 const MAX_ABSENT: u64 = 1 << 12;
-/// Largest ratio of a chunk to the volume, beyond a small size. A chunk may hold other frames too.
+/// Largest ratio of a Zarr chunk to the volume, and a chunk size that is always accepted. A chunk may hold other
+/// frames too.
 const MAX_CHUNK_RATIO: u64 = 64;
 const SMALL_CHUNK_BYTES: u64 = 16 << 20;
-/// Numbers that are read at a time.
+/// Number of array elements that are decoded at a time from a Zarr chunk.
 const PIECE: usize = 1 << 14;
-/// Index entry of a missing chunk.
+/// Value that marks a missing chunk in the index of a Zarr shard.
 const ABSENT: u64 = u64::MAX;
 
-/// Volume within an array: its spatial axes and its indices along the others.
+/// 3-D volume within a Zarr array of more axes: its spatial axes, and fixed indices along the others.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SubVolume<'a> {
     pub(super) array: &'a Array,
-    /// Axes of x, y and z; a planar array has no z.
+    /// Index of the axes x, y and z in the shape of the Zarr array; a planar array has no z.
     pub(super) space: [Option<usize>; 3],
-    /// Index along each other axis; 0 along the spatial ones.
+    /// Fixed index along each non-spatial axis of the Zarr array; 0 along the spatial axes.
     pub(super) fixed: Vec<usize>,
 }
 
 impl SubVolume<'_> {
-    /// Voxels along x, y and z.
+    /// Returns the number of voxels of the volume along x, y and z.
     pub(super) fn dims(&self) -> [usize; 3] {
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis]))
     }
 
-    /// Bytes of the voxels in memory; `None` on overflow.
+    /// Returns the size of the voxels of the volume in memory, bytes; `None` on overflow.
     pub(super) fn memory_bytes(&self) -> Option<u64> {
         grid_bytes(self.dims(), self.array.element.memory_bytes())
     }
 
-    /// Number of files along x, y and z.
+    /// Returns the number of Zarr chunk files of the volume along x, y and z.
     fn files(&self) -> [usize; 3] {
         let sizes = self.array.file_shape();
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis].div_ceil(sizes[axis])))
     }
 
-    /// Index of a file in the grid of all files.
+    /// Converts the index of a chunk file along x, y and z to its index along all axes of the Zarr array.
     fn place(&self, at: [usize; 3]) -> Vec<usize> {
         let mut place: Vec<usize> =
             self.fixed.iter().zip(self.array.file_shape()).map(|(n, size)| n / size).collect();
@@ -70,10 +72,10 @@ impl SubVolume<'_> {
         place
     }
 
-    /// Lists the existing files, in grid order.
+    /// Lists the existing chunk files of the volume in a Zarr store, x fastest.
     ///
     /// # Errors
-    /// The array claims far more than its files can hold.
+    /// The Zarr array claims far more data than its files can hold.
     pub(super) fn present(&self) -> Result<Vec<PathBuf>, String> {
         self.check_claims()?;
         let [nx, ny, nz] = self.files();
@@ -82,7 +84,7 @@ impl SubVolume<'_> {
         Ok(files.filter(|file| file.is_file()).collect())
     }
 
-    /// Refuses claims that the files of the array cannot hold, before memory or time is spent.
+    /// Returns an error if a Zarr array claims more data than its files can hold. Runs before memory is allocated.
     fn check_claims(&self) -> Result<(), String> {
         let Array { element, layout, .. } = self.array;
         let product = |sizes: &[usize]| {
@@ -109,10 +111,10 @@ impl SubVolume<'_> {
         Ok(())
     }
 
-    /// Reads the voxels.
+    /// Reads the voxels of the volume from the chunks of a Zarr array.
     ///
     /// # Errors
-    /// A chunk cannot be read, or the array claims far more than its files can hold.
+    /// A chunk cannot be read, or the Zarr array claims far more data than its files can hold.
     pub(super) fn read(&self, loading: &Loading) -> Result<Voxels, String> {
         self.check_claims()?;
         let Array { element, layout, fill, .. } = self.array;
@@ -152,7 +154,7 @@ impl SubVolume<'_> {
         Array3::from_shape_vec((nz, ny, nx), all).map_err(|e| e.to_string())
     }
 
-    /// Slices of the volume from `first` on as a view along the array's axes.
+    /// Creates a view of consecutive z slices of the volume, from slice `first` on, with the axes of the Zarr array.
     fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Result<Slab<'o, T>, String> {
         let [nx, ny, _] = self.dims();
         let (sizes, strides) = ([nx, ny, out.len() / (nx * ny)], [1, nx, nx * ny]);
@@ -168,7 +170,7 @@ impl SubVolume<'_> {
         Ok(Slab { voxels: voxels.map_err(|e| e.to_string())?, from })
     }
 
-    /// Reads the file at an index of the grid of files, if it exists.
+    /// Reads one Zarr chunk or shard file into the slab of slices, if the file exists.
     fn read_file<T: Copy, const N: usize>(
         &self,
         path: &Path,
@@ -206,7 +208,8 @@ impl SubVolume<'_> {
         Ok(())
     }
 
-    /// Reads the chunk at `origin` of the array from a span of a file, if it holds voxels of the slab.
+    /// Reads a Zarr chunk from a byte range of a file into the slab of slices. Skips a chunk without voxels of the
+    /// slab.
     fn read_chunk<T: Copy, const N: usize>(
         &self,
         path: &Path,
@@ -268,14 +271,14 @@ impl SubVolume<'_> {
     }
 }
 
-/// Consecutive slices of the volume along the array's axes.
+/// Slab of consecutive z slices of the volume, as a view with the axes of the Zarr array.
 struct Slab<'a, T> {
     voxels: ArrayViewMutD<'a, T>,
-    /// First index along each axis.
+    /// Index of the first element of the slab along each axis of the Zarr array.
     from: Vec<usize>,
 }
 
-/// Reads the index of a shard: offset and bytes of each chunk.
+/// Reads the index of a Zarr shard: offset and size in bytes of each of its chunks.
 fn index(file: &mut File, file_bytes: u64, shards: &Shards, layout: &Layout) -> io::Result<Vec<[u64; 2]>> {
     let parts = shards.shape.iter().zip(&layout.shape);
     let count = parts.fold(1, |n, (shard, chunk)| n * (shard / chunk));

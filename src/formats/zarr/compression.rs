@@ -1,4 +1,5 @@
-//! Decompression of chunks; all codecs but Blosc are streams, so that memory is limited to the window of the compressor.
+//! Decompresses Zarr chunks. All codecs except Blosc are streams, which limits memory to the window of the
+//! compressor.
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use ruzstd::decoding::StreamingDecoder;
@@ -6,16 +7,16 @@ use serde_json::Value;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 
-/// Largest window of a zstd stream, that of the highest level of the command `zstd`.
+/// Largest accepted window of a zstd stream in bytes, as the highest level of the `zstd` command uses.
 const MAX_WINDOW_BYTES: u64 = 128 << 20;
-/// Bytes of the checksum after a chunk.
+/// Size of the CRC-32C checksum after a Zarr chunk, in bytes.
 pub(super) const CHECKSUM_BYTES: u64 = 4;
 
-/// Compression of a chunk.
+/// Compression of a Zarr chunk.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Compression {
     codec: Option<Codec>,
-    /// Whether a CRC-32C of the compressed bytes follows them.
+    /// Whether a CRC-32C checksum follows the compressed bytes of a Zarr chunk.
     has_checksum: bool,
 }
 
@@ -28,10 +29,10 @@ enum Codec {
 }
 
 impl Compression {
-    /// Reads `compressor` and `filters` of version 2.
+    /// Parses the entries `compressor` and `filters` of Zarr 2 metadata.
     ///
     /// # Errors
-    /// One of them is not supported.
+    /// The compressor or a filter is not supported.
     pub(super) fn from_v2(metadata: &Value) -> Result<Self, String> {
         let name = |codec: &Value| codec.get("id").and_then(Value::as_str).unwrap_or("?").to_owned();
         if let Some(filter) = metadata.get("filters").and_then(|f| f.get(0)) {
@@ -44,7 +45,7 @@ impl Compression {
         Ok(compression)
     }
 
-    /// Adds a bytes-to-bytes codec of version 3.
+    /// Adds a bytes-to-bytes codec of Zarr 3 to the compression of a chunk.
     ///
     /// # Errors
     /// The codec is not supported, or follows another one.
@@ -72,16 +73,16 @@ impl Compression {
         Ok(())
     }
 
-    /// Size of an uncompressed chunk in its file; `None` if it is compressed.
+    /// Returns the stored size of an uncompressed Zarr chunk in bytes; `None` if the chunk is compressed.
     pub(super) fn uncompressed_bytes(&self, bytes: u64) -> Option<u64> {
         let checksum = if self.has_checksum { CHECKSUM_BYTES } else { 0 };
         if self.codec.is_none() { bytes.checked_add(checksum) } else { None }
     }
 
-    /// Decompresses a span (offset and bytes) of a file to `wanted` bytes.
+    /// Decompresses a Zarr chunk of `wanted` bytes from a byte range (offset and length) of a file.
     ///
     /// # Errors
-    /// The file cannot be read, or is not compressed this way.
+    /// The file cannot be read, or its bytes do not match the codec.
     pub(super) fn decoder(
         &self,
         mut file: File,
@@ -106,12 +107,12 @@ impl Compression {
     }
 }
 
-/// Error of invalid data.
+/// Creates an I/O error for invalid Zarr data.
 pub(super) fn bad(why: impl ToString) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why.to_string())
 }
 
-/// Decompresses a whole Blosc buffer of `wanted` bytes.
+/// Decompresses a complete Blosc buffer to `wanted` bytes.
 fn blosc(mut input: impl Read, wanted: u64) -> io::Result<Vec<u8>> {
     let mut packed = Vec::new();
     input.read_to_end(&mut packed)?;
@@ -122,7 +123,7 @@ fn blosc(mut input: impl Read, wanted: u64) -> io::Result<Vec<u8>> {
     }
 }
 
-/// Reads bytes and compares them with the CRC-32C that follows them.
+/// Reads all bytes of a Zarr chunk and verifies the CRC-32C checksum at its end.
 ///
 /// # Errors
 /// The input cannot be read, or the checksum differs.

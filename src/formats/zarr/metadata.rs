@@ -1,7 +1,7 @@
-//! Metadata of a Zarr array, versions 2 and 3: its grid and the layout of its chunks.
+//! Parses the metadata of a Zarr array, versions 2 and 3: its shape and the layout of its chunks.
 //!
-//! The crate `zarrs` is not used: it decompresses to any claimed length, allocates chunks before they are read, and needs
-//! seventy crates and libraries in C and C++ for Blosc and zstd. Source: "Zarr core specification" 2 and 3.1,
+//! The crate `zarrs` is not used: it decompresses to any claimed length, allocates chunks before they are read, and
+//! needs seventy crates and libraries in C and C++ for Blosc and zstd. Source: "Zarr core specification" 2 and 3.1,
 //! and the specifications of its codecs.
 
 use super::compression::Compression;
@@ -9,15 +9,15 @@ use crate::volume::{ByteOrder, Element};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Largest number of axes.
+/// Largest number of axes of a Zarr array.
 const MAX_AXES: usize = 16;
-/// Largest number of chunks in a shard.
+/// Largest number of chunks in a Zarr shard.
 const MAX_SHARD_CHUNKS: usize = 1 << 20;
 
-/// Reads a metadata file of an array or group, if it exists.
+/// Reads a JSON metadata file of a Zarr array or group; `None` if it does not exist.
 ///
 /// # Errors
-/// The file cannot be read, or is no JSON.
+/// The file cannot be read, or is not JSON.
 pub(super) fn json(path: &Path) -> Result<Option<Value>, String> {
     let named = |why: String| format!("{}: {why}", path.file_name().unwrap_or_default().to_string_lossy());
     if !path.is_file() {
@@ -27,53 +27,53 @@ pub(super) fn json(path: &Path) -> Result<Option<Value>, String> {
     serde_json::from_slice(&bytes).map(Some).map_err(|e| named(e.to_string()))
 }
 
-/// Parses a list of sizes.
+/// Parses a JSON list of array sizes.
 fn sizes(value: Option<&Value>) -> Option<Vec<usize>> {
     let numbers = value?.as_array()?.iter().map(|n| usize::try_from(n.as_u64()?).ok());
     numbers.collect()
 }
 
-/// Layout of the numbers of a chunk in its file or shard.
+/// Layout of the elements of a Zarr chunk: shape, axis order, byte order and compression.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
-    /// Size along the array's axes.
+    /// Size of a Zarr chunk along each axis of the array.
     pub(super) shape: Vec<usize>,
-    /// Axis of the array for each axis of the file; the last one runs fastest.
+    /// Array axis of each stored axis of a Zarr chunk; the last stored axis runs fastest.
     pub(super) axes: Vec<usize>,
     pub(super) byte_order: ByteOrder,
     pub(super) compression: Compression,
 }
 
-/// Shards: files of several chunks with an index.
+/// Zarr shards: files that hold several chunks and an index of them.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shards {
-    /// Size along the array's axes.
+    /// Size of a Zarr shard along each axis of the array.
     pub(super) shape: Vec<usize>,
     pub(super) index_is_first: bool,
     pub(super) index_has_checksum: bool,
 }
 
-/// Zarr array.
+/// Zarr array, described by its metadata.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array {
     pub(super) folder: PathBuf,
     pub(super) shape: Vec<usize>,
     pub(super) element: Element,
-    /// Value of voxels that no chunk holds.
+    /// Fill value of the Zarr array: the value of elements in missing chunks.
     pub(super) fill: f64,
-    /// Layout of chunks, which may be in shards.
+    /// Layout of the Zarr chunks, which may be grouped in shards.
     pub(super) layout: Layout,
     pub(super) shards: Option<Shards>,
-    /// Separator of the numbers in the name of a chunk, and the text before them.
+    /// Separator between the numbers in the file name of a Zarr chunk, and the prefix before them.
     separator: char,
     prefix: Option<&'static str>,
 }
 
 impl Array {
-    /// Reads the array in a folder, if there is one.
+    /// Reads the metadata of the Zarr array in a folder; `None` if there is no array.
     ///
     /// # Errors
-    /// The array is not supported.
+    /// The Zarr array is not supported, or its metadata are invalid.
     pub(super) fn open(folder: &Path) -> Result<Option<Self>, String> {
         if let Some(metadata) = json(&folder.join("zarr.json"))? {
             let is_array = metadata.get("node_type").and_then(Value::as_str) == Some("array");
@@ -138,7 +138,7 @@ impl Array {
         Self { folder: folder.into(), shape, element, fill, layout, shards, separator, prefix }.checked()
     }
 
-    /// Refuses inconsistent metadata.
+    /// Returns an error if the metadata of a Zarr array are inconsistent.
     fn checked(self) -> Result<Self, String> {
         let axes = self.shape.len();
         let outer = self.file_shape();
@@ -166,26 +166,26 @@ impl Array {
         Ok(self)
     }
 
-    /// Size of one file along the array's axes.
+    /// Returns the size of one chunk or shard file along each axis of the Zarr array.
     pub(super) fn file_shape(&self) -> &[usize] {
         self.shards.as_ref().map_or(&self.layout.shape, |shards| &shards.shape)
     }
 
-    /// File of the chunk or shard at an index of their grid.
+    /// Returns the path of the Zarr chunk or shard file at an index of the chunk grid.
     pub(super) fn file_of(&self, place: &[usize]) -> PathBuf {
         let numbers = place.iter().map(ToString::to_string);
         let parts: Vec<String> = self.prefix.map(String::from).into_iter().chain(numbers).collect();
         self.folder.join(parts.join(&self.separator.to_string()))
     }
 
-    /// Metadata files of the array.
+    /// Lists the existing metadata files of the Zarr array.
     pub(super) fn metadata_files(&self) -> Vec<PathBuf> {
         let all = ["zarr.json", ".zarray"].map(|name| self.folder.join(name));
         all.into_iter().filter(|file| file.is_file()).collect()
     }
 }
 
-/// Reads the fill value.
+/// Parses the fill value of a Zarr array; 0 if none is given.
 fn fill(metadata: &Value, element: Element) -> Result<f64, String> {
     let refuse = |value: &Value| {
         let short: String = value.to_string().chars().take(40).collect();
@@ -204,7 +204,7 @@ fn fill(metadata: &Value, element: Element) -> Result<f64, String> {
     }
 }
 
-/// Extension point of version 3: a name and its configuration.
+/// Extension point of Zarr 3 metadata, such as a codec: a name and its configuration.
 struct Extension<'a> {
     name: &'a str,
     configuration: Option<&'a Value>,
@@ -223,7 +223,8 @@ impl<'a> Extension<'a> {
     }
 }
 
-/// Reads the codecs of chunks of this shape, and of shards if `may_be_shards`.
+/// Parses the list of codecs of a Zarr 3 array with chunks of this shape; a shard codec is allowed if
+/// `may_be_shards`.
 fn codecs(
     list: Option<&Value>,
     shape: Vec<usize>,
@@ -271,7 +272,7 @@ fn codecs(
     Ok((layout, shards))
 }
 
-/// Whether a shard's index has a checksum; its numbers must be uncompressed and little-endian.
+/// Whether the index of a Zarr shard has a checksum. An index that is compressed or big-endian is an error.
 fn index_has_checksum(list: Option<&Value>) -> Result<bool, String> {
     let mut has_checksum = false;
     for codec in list.and_then(Value::as_array).into_iter().flatten() {

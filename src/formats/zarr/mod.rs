@@ -1,8 +1,8 @@
-//! OME-Zarr stores: folders of chunks (NGFF 0.4 in Zarr 2 and 0.5 in Zarr 3), and single arrays.
+//! Reads OME-Zarr stores: folders of array chunks (NGFF 0.4 in Zarr 2, 0.5 in Zarr 3), and single Zarr arrays.
 //!
-//! The reader picks the finest resolution level (0 is the finest) that the host and a device can hold. The axes x, y and z
-//! place the volume by scale and translation; all other axes hold frames, the last axis fastest. NGFF defines no anatomical
-//! axes, so x, y and z are taken as RAS+.
+//! The reader picks the finest resolution level (0 is the finest) that the host and a device can hold. The axes x, y
+//! and z place the volume by scale and translation; all other axes hold frames, the last axis fastest. NGFF defines
+//! no anatomical axes, so x, y and z are taken as RAS+.
 
 mod chunks;
 mod compression;
@@ -21,17 +21,18 @@ use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// Ending of folders of the format.
+/// File extensions of Zarr folders.
 pub const EXTENSIONS: &[&str] = &["zarr"];
 
-/// Metadata files of a folder.
+/// Names of the metadata files of a Zarr folder.
 const METADATA_FILES: [&str; 4] = ["zarr.json", ".zattrs", ".zgroup", ".zarray"];
-/// Largest side of a 3-D texture that every device supports.
+/// Largest side of a 3-D texture that every GPU supports, in voxels.
 const MAX_SIDE: usize = 2048;
-/// Inverse share of host memory for the default level. All memory counts, not the free part, so the choice is reproducible.
+/// Inverse of the fraction of host memory that the default Zarr level may fill. It refers to total memory, not free
+/// memory, so that the choice is reproducible.
 const HOST_SHARE: u64 = 4;
 
-/// Whether a folder is a Zarr store, or a file is the metadata of one.
+/// Whether a folder is a Zarr store, or a file is the metadata file of one.
 pub fn is_zarr(head: &Head) -> bool {
     match head.is_folder {
         true => METADATA_FILES.iter().any(|name| head.path.join(name).is_file()),
@@ -43,21 +44,21 @@ fn is_metadata(path: &Path) -> bool {
     path.file_name().is_some_and(|name| METADATA_FILES.iter().any(|known| name == *known))
 }
 
-/// Part of a store to read.
+/// Level and frame to read from an OME-Zarr store.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Choice {
-    /// Level, 0 being the finest; `None` for the finest that fits.
+    /// Resolution level of the OME-Zarr store, 0 being the finest; `None` selects the finest that fits in memory.
     pub level: Option<usize>,
-    /// Index of the volume along the axes that are not spatial.
+    /// Index of the frame, counted over all non-spatial axes of the Zarr array.
     pub frame: usize,
-    /// Voxel size in mm that overrides the file's.
+    /// Voxel size in mm that overrides the scale of the OME-Zarr metadata.
     pub spacing_mm: Option<[f64; 3]>,
 }
 
-/// Reads one frame of one level.
+/// Reads one frame of one resolution level of an OME-Zarr store as a volume.
 ///
 /// # Errors
-/// The store cannot be read, is no image, or claims more than its files or the host can hold.
+/// The Zarr store cannot be read, is no image, or claims more than its files or the host can hold.
 pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volume> {
     let refuse = refusal(path);
     let store = Store::open(path).map_err(&refuse)?;
@@ -85,7 +86,7 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// Lists the files of one frame of one level: metadata and chunks.
+/// Lists the files of one frame of one resolution level of an OME-Zarr store: metadata and chunks.
 ///
 /// # Errors
 /// See [`read_with`].
@@ -101,11 +102,11 @@ pub fn files_of(path: &Path, choice: Choice) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Image with its arrays, or a single array.
+/// OME-Zarr image with the arrays of its resolution levels, or a single Zarr array.
 struct Store {
-    /// Path by the user.
+    /// Path of the Zarr store as the user gave it.
     source: PathBuf,
-    /// Folder of the image.
+    /// Folder of the image in the Zarr store.
     folder: PathBuf,
     axes: Vec<Axis>,
     levels: Vec<(Level, Array)>,
@@ -166,7 +167,7 @@ impl Store {
         Ok(Self { source: path.into(), folder, axes, levels, notes })
     }
 
-    /// Selects the requested level, or the finest that fits.
+    /// Selects the requested resolution level of the OME-Zarr image, or the finest level that fits in memory.
     fn choose(&self, choice: Choice, notes: &mut Vec<String>) -> Result<ChosenLevel<'_>> {
         let refuse = refusal(&self.source);
         let count = self.levels.len();
@@ -210,7 +211,7 @@ impl Store {
     }
 }
 
-/// Default names of the axes of an array.
+/// Returns default names for the axes of a Zarr array: t, c, z, y, x, from the last axis backwards.
 fn default_axes(count: usize) -> Vec<Axis> {
     const USUAL: [&str; 5] = ["t", "c", "z", "y", "x"];
     let unnamed = (USUAL.len()..count).map(|at| format!("axis {at}"));
@@ -218,12 +219,12 @@ fn default_axes(count: usize) -> Vec<Axis> {
     unnamed.chain(named).map(|name| Axis { name, unit: None }).collect()
 }
 
-/// Level with its spatial axes.
+/// Resolution level of an OME-Zarr image with its spatial axes.
 struct ChosenLevel<'a> {
     axes: &'a [Axis],
     level: &'a Level,
     array: &'a Array,
-    /// Axes of x, y and z.
+    /// Index of the axes x, y and z in the shape of the Zarr array.
     space: [Option<usize>; 3],
 }
 
@@ -232,7 +233,7 @@ impl<'a> ChosenLevel<'a> {
         self.sub_volume(0).dims()
     }
 
-    /// Other axes and their sizes.
+    /// Lists the non-spatial axes of the Zarr array with their sizes.
     fn others(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let sizes = self.array.shape.iter().copied().enumerate();
         sizes.filter(|(axis, _)| !self.space.contains(&Some(*axis)))
@@ -243,7 +244,8 @@ impl<'a> ChosenLevel<'a> {
         count.ok_or_else(|| "its number of frames cannot be counted".into())
     }
 
-    /// Volume of a frame; the last axis runs fastest.
+    /// Returns the 3-D volume of one frame of the Zarr array. Frames count over the non-spatial axes, the last one
+    /// fastest.
     fn sub_volume(&self, frame: usize) -> SubVolume<'a> {
         let mut fixed = vec![0; self.array.shape.len()];
         let mut rest = frame;
@@ -255,7 +257,7 @@ impl<'a> ChosenLevel<'a> {
         SubVolume { array: self.array, space: self.space, fixed }
     }
 
-    /// World mm from index coordinates.
+    /// Returns the affine from voxel indices to world coordinates (RAS+, mm).
     fn affine(
         &self,
         spacing_mm: Option<[f64; 3]>,

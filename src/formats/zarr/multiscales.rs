@@ -1,7 +1,7 @@
-//! OME-NGFF metadata of an image: its axes, and the arrays of its resolution levels.
+//! Parses the OME-NGFF metadata of an image: its axes, and the arrays of its resolution levels.
 //!
-//! Source: "Next-generation file formats (NGFF)", 0.4 (beside Zarr 2) and 0.5 (within Zarr 3); files of 0.1 to 0.3 lack voxel
-//! sizes.
+//! Source: "Next-generation file formats (NGFF)", 0.4 (beside Zarr 2) and 0.5 (within Zarr 3); files of 0.1 to 0.3
+//! lack voxel sizes.
 
 use super::metadata::json;
 use crate::formats::common::mm_of;
@@ -9,15 +9,15 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
 
-/// Axis of an image.
+/// Axis of an OME-Zarr image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
-    /// Name; spatial axes are `x`, `y` and `z`.
+    /// Name of the image axis; spatial axes are `x`, `y` and `z`.
     pub(super) name: String,
     pub(super) unit: Option<String>,
 }
 
-/// Transformation from indices to lengths.
+/// OME-NGFF coordinate transformation from array indices to lengths.
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Transformation {
@@ -26,38 +26,38 @@ enum Transformation {
     Translation { translation: Vec<f64> },
 }
 
-/// Resolution level of an image.
+/// Resolution level of an OME-Zarr image.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Level {
-    /// Path of the array below the image's folder.
+    /// Path of the Zarr array of the level, relative to the folder of the image.
     pub(super) path: String,
-    /// Factor and offset from an index to a length in the axis's unit, for each axis.
+    /// Scale and translation from an array index to a length in the unit of the axis, for each axis.
     pub(super) scale: Vec<f64>,
     pub(super) translation: Vec<f64>,
-    /// Whether a scale is given.
+    /// Whether the OME-NGFF metadata give a scale, and thus a voxel size.
     pub(super) is_scaled: bool,
 }
 
-/// Image with several resolution levels.
+/// OME-Zarr image with several resolution levels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Image {
-    /// Axes; empty in files of old versions.
+    /// Axes of the OME-Zarr image; empty in files of old NGFF versions.
     pub(super) axes: Vec<Axis>,
     pub(super) levels: Vec<Level>,
 }
 
-/// Content of a folder by its metadata.
+/// Kind of a Zarr folder according to its OME-NGFF metadata.
 pub(super) enum Group {
     Image(Image),
-    /// Images in numbered subfolders, as `bioformats2raw` writes them.
+    /// Zarr folder with images in numbered subfolders, as `bioformats2raw` writes it.
     Images,
-    /// Plate or well of a microscope, with images in nested folders.
+    /// Zarr folder of a microscope plate or well, with images in nested folders.
     Plate,
     Other,
 }
 
 impl Group {
-    /// Reads a folder's metadata.
+    /// Reads the OME-NGFF metadata of a Zarr folder.
     ///
     /// # Errors
     /// The metadata cannot be read or are inconsistent.
@@ -102,21 +102,21 @@ impl Image {
 }
 
 impl Axis {
-    /// Parses an axis; in version 0.3 it is only a name.
+    /// Parses an axis of OME-NGFF metadata; in version 0.3 it is only a name.
     fn new(value: &Value) -> Option<Self> {
         let text = |key: &str| value.get(key).and_then(Value::as_str).map(String::from);
         let name = value.as_str().map(String::from).or_else(|| text("name"));
         Some(Self { name: name?.to_lowercase(), unit: text("unit") })
     }
 
-    /// Millimetres of its unit, if it is known.
+    /// Returns the length unit of the image axis in mm; `None` if it is unknown.
     pub(super) fn mm(&self) -> Option<f64> {
         mm_of(self.unit.as_deref()?)
     }
 }
 
 impl Level {
-    /// Appends transformations.
+    /// Appends OME-NGFF coordinate transformations to the scale and translation of a resolution level.
     fn transform(&mut self, list: Option<&Value>) -> Result<(), String> {
         for value in list.and_then(Value::as_array).into_iter().flatten() {
             let transformation = Transformation::deserialize(value);
@@ -142,7 +142,7 @@ impl Level {
         Ok(())
     }
 
-    /// Extends the transformation to a number of axes.
+    /// Extends scale and translation of a resolution level to at least `axes` axes, with the identity on new axes.
     fn extend(&mut self, axes: usize) {
         let axes = axes.max(self.scale.len());
         self.scale.resize(axes, 1.0);

@@ -1,9 +1,10 @@
-//! Tuning within budgets: each method's own settings are searched for the least error that so many bytes, or so many
-//! milliseconds, allow.
+//! Tuning within budgets: searches each shadow method's settings for the smallest error within a limit of memory or
+//! time.
 //!
-//! `bytes` limits the column of that name, `ms` against `build_ms + frame_ms`: a picture after the light has
-//! moved. There are two questions to each budget, the least `point_err_rms` and the least `image_rmse` ([`By`]), and
-//! [`search`] answers both for every method from one stock of trials, which are rows with few columns; [`tune`](mod@tune) makes these on a device.
+//! A budget `bytes` limits the table column `bytes`. A budget `ms` limits `build_ms + frame_ms`, the time of a
+//! picture after the light has moved. For each budget, two errors are minimized in turn: `point_err_rms` and
+//! `image_rmse` ([`By`]). [`search`] shares the trials of a method among all budgets and both errors. A trial is a
+//! table row with few columns; [`tune`](mod@tune) measures it on a device.
 
 pub mod search;
 pub(super) mod tune;
@@ -17,12 +18,12 @@ use std::str::FromStr;
 
 const WHAT: &str = "bad budget";
 
-/// Upper limit on the memory or the time of a method.
+/// Upper limit on the memory or the time of a shadow method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
-    /// Memory of the shadow structure.
+    /// Limit on the memory of the shadow map, bytes.
     Bytes(u64),
-    /// Limit on `build_ms + frame_ms`, ms.
+    /// Limit on `build_ms + frame_ms`, the time of one picture after the light has moved, ms.
     Ms(f64),
 }
 
@@ -54,10 +55,10 @@ impl FromStr for Budget {
 }
 
 impl Budget {
-    /// Parses `bytes=2MiB,8MiB` and `ms=50`; a value without `=` is one more for the key before it.
+    /// Parses budgets such as `bytes=2MiB,8MiB` and `ms=50`. A value without a key belongs to the key before it.
     ///
     /// # Errors
-    /// What is none, naming it.
+    /// A part of the text is not a valid budget; the error names that part.
     pub fn parse_list(text: &str) -> Result<Vec<Self>> {
         let mut budgets = Vec::new();
         let mut key = None;
@@ -87,7 +88,8 @@ impl Budget {
         Ok(budgets)
     }
 
-    /// Bytes or milliseconds of this budget that a row needs; `None` where unknown.
+    /// Returns the measured memory (bytes) or time (ms) of a comparison table row, whichever this budget limits;
+    /// `None` where not measured.
     pub fn need(&self, row: &Row) -> Option<f64> {
         match self {
             Self::Bytes(_) => row.bytes.map(|n| n as f64),
@@ -95,7 +97,7 @@ impl Budget {
         }
     }
 
-    /// Amount of the budget, in its own unit.
+    /// Limit that the budget sets, in bytes or milliseconds.
     pub fn amount(&self) -> f64 {
         match *self {
             Self::Bytes(n) => n as f64,
@@ -103,7 +105,7 @@ impl Budget {
         }
     }
 
-    /// Whether a row is known to need no more than that.
+    /// Whether the measured memory or time of a table row is known to lie within the budget.
     pub fn holds(&self, row: &Row) -> bool {
         self.need(row).is_some_and(|need| need <= self.amount())
     }
@@ -113,20 +115,20 @@ fn positive(text: &str) -> Option<f64> {
     text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0)
 }
 
-/// Error that decides which settings are the closest.
+/// Error measure that a search of method settings minimizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum By {
-    /// `point_err_rms`.
+    /// Minimizes the column `point_err_rms`, the rms transmittance error at visible points.
     Points,
-    /// `image_rmse`.
+    /// Minimizes the column `image_rmse`, the rms difference from the exact picture.
     Picture,
 }
 
 impl By {
-    /// Both errors.
+    /// Both error measures that a search of method settings can minimize.
     pub const ALL: [Self; 2] = [Self::Points, Self::Picture];
 
-    /// The column.
+    /// Name of the comparison table column that holds this error measure.
     pub fn column(self) -> &'static str {
         match self {
             Self::Points => "point_err_rms",
@@ -134,7 +136,7 @@ impl By {
         }
     }
 
-    /// The row's error, where it has one.
+    /// Returns the value of this error measure in a comparison table row; `None` where it is empty or NaN.
     pub fn error(self, row: &Row) -> Option<f64> {
         let error = match self {
             Self::Points => row.point_err_rms,
@@ -144,22 +146,24 @@ impl By {
     }
 }
 
-/// The budgets, and the errors that were to be least within them, for which settings were chosen.
+/// Budgets, each with the error measure to minimize, for which a search chose the same method settings.
 pub type Uses = Vec<(Budget, By)>;
 
-/// Text of the column `tuned_for`: the budgets and errors for which a search chose a row.
+/// Text for the table column `tuned_for`: the budgets and error measures for which a search chose a row's method
+/// settings.
 pub fn tuned_for(uses: &[(Budget, By)]) -> String {
     uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
 }
 
-/// The budgets that rows were tuned for, each once, in their order.
+/// Returns the distinct budgets for which the settings of table rows were tuned, in order of appearance.
 pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
     let texts = rows.iter().flat_map(|row| row.tuned_for.split("; "));
     let budgets = texts.filter_map(|text| text.split(' ').next()?.parse().ok());
     budgets.unique_by(Budget::to_string).collect()
 }
 
-/// Whether a trial has what a search within these budgets needs: its need of each, and errors where one allows it.
+/// Whether a stored trial is sufficient for a search within these budgets: memory and time are known, and an error
+/// too unless it exceeds all budgets.
 pub(super) fn answers(trial: &Row, budgets: &[Budget]) -> bool {
     let known = budgets.iter().all(|b| b.need(trial).is_some());
     let allowed = budgets.iter().any(|b| b.holds(trial));

@@ -1,53 +1,57 @@
-//! The search itself, whatever is searched: on a grid of settings, one axis at a time and by trades between two.
+//! Search for the method settings with the smallest error within a budget: a coordinate search on a grid of settings,
+//! with exchanges between two axes.
 //!
-//! It starts from the place of the defaults, or where a budget does not hold it, from the closest of the places nearest to
-//! it that the budget holds: those with one axis lowered, and that with all ordered axes lowered together. From there
-//! steps along each axis are tried, short and long, since errors may rise before they fall; one that is closer is taken,
-//! and taken again. Where none is, one axis is raised while another is lowered: what a budget that is spent still allows.
-//! Trials are stored, so that all budgets and both errors draw on one stock. What is sure to need too many bytes is not
-//! tried: along ordered axes a budget that was overrun stays so.
+//! The search starts from the default settings. Where these exceed the budget, it starts from the best of the nearest
+//! settings within the budget: those with one axis lowered, and those with all ordered axes lowered together.
+//!
+//! It then tries short and long steps along each axis, because errors may increase before they decrease. A step that
+//! reduces the error is taken and repeated. If no single step helps, one axis is raised while another is lowered,
+//! within the same budget.
+//!
+//! Trials are stored and shared by all budgets and both errors. Settings that must exceed a memory budget are not
+//! tried: along ordered axes, memory never decreases.
 
 use super::{Budget, By};
 use crate::error::Result;
 use crate::measure::table::Row;
 use std::collections::HashMap;
 
-/// New trials that one budget and error may take of a method.
+/// Largest number of new trials of one method's settings for one budget and one error measure.
 pub const MOST_TRIALS: usize = 120;
 
-/// A place on the grid: an index along each axis.
+/// Point on the grid of method settings: an index along each axis.
 pub type Place = Vec<usize>;
 
-/// An axis of the grid.
+/// Axis of the grid of method settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Side {
-    /// Values along it.
+    /// Number of setting values along this axis of the search grid.
     pub len: usize,
-    /// Whether memory never falls along it; otherwise values stand in no order.
+    /// Whether the method's memory never decreases along this axis of settings. Otherwise the values have no order.
     pub ordered: bool,
 }
 
 type Canonical<'a> = Box<dyn Fn(&[usize]) -> Place + 'a>;
 type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Row> + 'a>;
 
-/// Search over the settings of one method, with all its trials.
+/// Search over the settings of one shadow method, with all its trials.
 pub struct Search<'a> {
-    /// The grid.
     sides: Vec<Side>,
-    /// Canonical place of settings: places with equal settings have one.
+    /// Maps grid points with equal effective settings to the same grid point.
     canonical: Canonical<'a>,
-    /// Tries a place.
+    /// Measures the method with the settings of a grid point.
     attempt: Attempt<'a>,
-    /// Places tried so far with their trials, in order.
+    /// Grid points of settings tried so far with their measured rows, in order of trial.
     pub tried: Vec<(Place, Row)>,
-    /// Places in `tried`.
+    /// Index of each tried grid point in `tried`.
     known: HashMap<Place, usize>,
-    /// New trials that are left to the question at hand.
+    /// Number of new trials left for the current budget and error measure.
     left: usize,
 }
 
 impl<'a> Search<'a> {
-    /// Creates a search without trials.
+    /// Creates a search over a grid of method settings, with no trials yet. `canonical` unifies grid points with
+    /// equal settings; `attempt` measures a grid point.
     pub fn new(
         sides: Vec<Side>,
         canonical: impl Fn(&[usize]) -> Place + 'a,
@@ -57,23 +61,23 @@ impl<'a> Search<'a> {
         Self { sides, canonical, attempt, tried: Vec::new(), known: HashMap::new(), left: 0 }
     }
 
-    /// Looks for the place with the least error that a budget holds, as far as steps from `default` and from the best that
-    /// is known lead; [`Self::best_known`] is what came of it. Whether it ended since no step was closer, and not for want
-    /// of trials.
+    /// Searches for the settings with the smallest error within a budget, from `default` and the best settings known.
+    /// Returns whether it ended because no step improved, not because trials ran out. [`Self::best_known`] returns
+    /// the result.
     ///
     /// # Errors
-    /// What `attempt` refuses.
+    /// Any error that `attempt` returns.
     pub fn look(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<bool> {
         self.left = MOST_TRIALS;
         self.starts(budget, default)?;
         let Some(mut place) = self.best_known(budget, by) else { return Ok(self.left > 0) };
         let moves = self.moves();
-        // Around the list of steps until a whole turn has brought nothing.
+        // Cycles through the steps until a whole cycle brings no improvement.
         let (mut at, mut idle) = (0, 0);
         while idle < moves.len() && self.left > 0 {
             match self.stepped(&place, &moves[at]) {
                 Some(next) if self.is_closer(budget, by, &next, &place)? => {
-                    // The same step again, before any other.
+                    // The same step is repeated before any other.
                     (place, idle) = (next, 0);
                 }
                 _ => (at, idle) = ((at + 1) % moves.len(), idle + 1),
@@ -82,8 +86,8 @@ impl<'a> Search<'a> {
         Ok(idle >= moves.len())
     }
 
-    /// Tries the default, and where the budget does not hold it, lowers all ordered axes together, and each alone, to the
-    /// last place that it holds.
+    /// Tries the default settings. Where they exceed the budget, it lowers all ordered axes together, then each
+    /// alone, to the last grid point within the budget.
     fn starts(&mut self, budget: Budget, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
         if self.is_held(budget, &default)? {
@@ -94,7 +98,7 @@ impl<'a> Search<'a> {
         ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))
     }
 
-    /// Lowers some axes in step until the budget holds the place, halving the way there.
+    /// Lowers some axes of the settings grid in proportion until the budget is satisfied, by bisection.
     fn lower(&mut self, budget: Budget, default: &[usize], axes: &[usize]) -> Result<()> {
         let steps = axes.iter().map(|a| default[*a]).max().unwrap_or(0);
         let at = |search: &Self, step: usize| {
@@ -102,7 +106,7 @@ impl<'a> Search<'a> {
             axes.iter().for_each(|a| place[*a] = default[*a] * step / steps.max(1));
             (search.canonical)(&place)
         };
-        // Within the budget at `low`, beyond it at `high`.
+        // Invariant: `low` is within the budget, `high` exceeds it.
         let (mut low, mut high) = (0, steps);
         let lowest = at(self, 0);
         if !self.is_held(budget, &lowest)? {
@@ -116,7 +120,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Steps, as changes of index; an unordered axis goes to each of its other values.
+    /// Returns the search steps, as changes of grid indices. An unordered axis jumps to each of its values.
     fn moves(&self) -> Vec<Vec<(usize, Step)>> {
         let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
         let mut moves = Vec::new();
@@ -136,7 +140,7 @@ impl<'a> Search<'a> {
         moves
     }
 
-    /// The place that a step leads to, where that is another one on the grid.
+    /// Returns the grid point that a search step leads to; `None` off the grid or where the settings stay equal.
     fn stepped(&self, place: &[usize], step: &[(usize, Step)]) -> Option<Place> {
         let mut next = place.to_vec();
         for (axis, step) in step {
@@ -163,13 +167,14 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Error, and where that is the same the need.
+    /// Returns the error of tried settings, followed by their memory or time to break ties.
     fn score(&self, budget: Budget, by: By, place: &Place) -> Option<(f64, f64)> {
         let trial = &self.tried[*self.known.get(place)?].1;
         Some((by.error(trial)?, budget.need(trial)?))
     }
 
-    /// The place of the least error that the budget holds, of all that was tried; `None` where it holds nothing.
+    /// Returns the tried settings with the smallest error within a budget; `None` where no trial satisfies the
+    /// budget.
     pub fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
         let allowed = self.tried.iter().filter(|(_, t)| budget.holds(t));
         let scored = allowed.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
@@ -178,7 +183,7 @@ impl<'a> Search<'a> {
             .map(|(_, place)| place.clone())
     }
 
-    /// Whether a budget holds a place, which is tried where that is not known.
+    /// Whether the settings of a grid point satisfy a budget. Tries them where they were not tried yet.
     fn is_held(&mut self, budget: Budget, place: &Place) -> Result<bool> {
         if let Some(found) = self.known.get(place) {
             return Ok(budget.holds(&self.tried[*found].1));
@@ -193,7 +198,8 @@ impl<'a> Search<'a> {
         self.is_held(budget, place)
     }
 
-    /// Whether a place that is no larger along any ordered axis, and the same along the others, has overrun the bytes.
+    /// Whether smaller settings have already exceeded a memory budget: no larger along any ordered axis and equal
+    /// along the others.
     fn is_surely_over(&self, budget: Budget, place: &Place) -> bool {
         let no_larger = |other: &Place| {
             let each = self.sides.iter().zip(other).zip(place);
@@ -204,7 +210,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Along one axis.
+/// Search step along one axis of the settings grid: a relative or an absolute index.
 #[derive(Debug, Clone, Copy)]
 enum Step {
     By(isize),

@@ -1,17 +1,18 @@
-//! Searches over planted costs and errors, held against all places of the grid.
+//! Tests of the settings search with synthetic costs and errors, compared with an exhaustive search of the grid.
 
 use super::*;
 use std::cell::Cell;
 
-/// Costs and errors of a made-up method: map, layers, a word, and a key without effect under the second word.
+/// Synthetic costs and errors of a method with four settings: map size, layers, a named choice, and a number without
+/// effect under the second choice.
 #[derive(Clone, Copy)]
 struct Planted {
-    /// Error coefficient of the reciprocal map size; `layer` is that of the reciprocal number of layers.
+    /// Error coefficient of the reciprocal map size; `layer` is the one of the reciprocal number of layers.
     texel: f64,
     layer: f64,
-    /// Error that each word leaves.
+    /// Error added by each value of the named choice.
     words: [f64; 3],
-    /// Error that the second and third number of layers have on top.
+    /// Error added at the second and third number of layers, so that the error is not monotone.
     bump: f64,
 }
 
@@ -57,7 +58,7 @@ fn every_place() -> Vec<Place> {
     places
 }
 
-/// Least error of all settings within a budget.
+/// Returns the smallest error of all settings within a budget, by exhaustive search.
 fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
     let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());
@@ -112,9 +113,9 @@ fn what_no_setting_can_do_is_not_found_and_costs_little() {
         search.look(budget, by, &DEFAULT).unwrap();
         (search.best_known(budget, by), search.tried.len())
     };
-    // The default, and all axes lowered together; no single one can need less than that.
+    // Tried: the default settings, and all axes lowered together. No lowering of a single axis needs less memory.
     assert_eq!(found(Budget::Bytes(100), By::Points), (None, 2));
-    // Of times that is not sure; and then it is known.
+    // For times, this is not certain, so single axes are tried too, but only once.
     assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 5));
     assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 5));
 }
@@ -137,7 +138,7 @@ fn what_is_sure_to_overrun_is_not_tried() {
 #[test]
 fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
     let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
-    // The device holds no map of the two largest sizes; one error is no number.
+    // The two largest map sizes cannot be allocated; one error is NaN.
     let attempt = |place: &[usize]| {
         let trial = planted.trial(place);
         Ok(match place[0] {

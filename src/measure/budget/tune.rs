@@ -1,4 +1,5 @@
-//! The search of every method on a device.
+//! Tuning of shadow methods on a graphics device: searches the settings of each method within budgets of memory and
+//! time.
 
 use super::search::{MOST_TRIALS, Place, Search, Side};
 use super::{Budget, By, Uses, answers, tuned_for};
@@ -11,30 +12,31 @@ use crate::measure::reference::Shared;
 use crate::measure::table::Row;
 use crate::shadow::{Entry, Method, SearchSpace};
 
-/// Trials that a budget takes of a method, as far as that can be said before.
+/// Expected number of trials of one method's settings for one budget, for the progress estimate.
 const USUAL_TRIALS: usize = 30;
 
-/// Settings that were chosen, and what for.
+/// Method with the settings that a search chose, and the budgets and error measures for which it chose them.
 pub struct Chosen {
     pub method: Box<dyn Method>,
     pub uses: Uses,
 }
 
-/// Result of a search over the settings of all methods: chosen settings, trials and notes.
+/// Result of the searches for method settings within budgets: chosen settings, trials and notes.
 #[derive(Default)]
 pub struct Tuned {
-    /// Settings that were chosen, each once, with what for.
+    /// Distinct settings that the searches chose, each with its budgets and error measures.
     pub chosen: Vec<Chosen>,
-    /// Trials of the search, method by method, in order.
+    /// Measured trials of the settings searches, method by method, in order.
     pub trials: Vec<Row>,
-    /// Notes for the reader of the table.
+    /// Notes on the settings searches for the reader of the comparison table.
     pub notes: Vec<String>,
 }
 
-/// Searches the settings of every method that has any, each method of `methods` once.
+/// Searches the settings of every tunable shadow method among `methods` within each budget. A method listed several
+/// times is searched once.
 ///
 /// # Errors
-/// A reference that cannot be made, a journal that cannot be written to, or it was ended on request.
+/// The reference data cannot be computed, the journal cannot be written, or the user cancelled the measurement.
 pub fn tune(
     job: &Job,
     job_key: u64,
@@ -82,7 +84,8 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// A trial on the device; a setting that it cannot hold is one that says why.
+/// Measures one trial of method settings on the device. Settings that fail, for example for lack of memory, give a
+/// row with the error in its note.
 fn attempt(
     method: &dyn Method,
     budgets: &[Budget],
@@ -102,7 +105,8 @@ fn attempt(
     Ok(trial)
 }
 
-/// Searches one method within every budget, smallest first of either kind, so that each starts from what the one before has found.
+/// Searches one method's settings within every budget. Smaller budgets come first, so that each search starts from
+/// the trials before it.
 fn one_method(
     entry: &Entry,
     space: &SearchSpace,
@@ -123,7 +127,7 @@ fn one_method(
             tuned.notes.push(format!("{name}: the search within {budget} ended after {MOST_TRIALS} trials"));
         }
     }
-    // Chosen last: what one question has led to may be the answer to another.
+    // Settings are chosen after all searches, since one search may find the best settings for another.
     let mut chosen: Vec<(Place, Uses)> = Vec::new();
     for (budget, by) in questions {
         match search.best_known(budget, by) {

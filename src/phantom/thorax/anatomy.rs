@@ -1,11 +1,11 @@
-//! Solids of the chest: heart, vessels, airways and bones as tubes and ellipsoids.
+//! Solids of the chest phantom: heart, vessels, airways and bones as tubes, plates and ellipsoids.
 
 use super::noise::uniform;
 use super::regions::{CAVITY_HALF, CAVITY_Y, HEART, cavity_scale, lungs};
 use super::shape::{Painter, Part, Solid, drum, path, plate, smooth, tube};
 use glam::{Vec3, vec2, vec3};
 
-/// All solids, in painting order.
+/// Returns all solids of the chest phantom in painting order; later solids cover earlier ones.
 pub fn solids() -> Vec<Solid> {
     let mut painter = Painter::default();
     abdomen(&mut painter);
@@ -83,7 +83,7 @@ fn great_vessels(painter: &mut Painter) {
     painter.curve(35.0, [7.0, 7.0], &oesophagus);
 }
 
-/// Entry of vessels and airways into a lung; `side` is 1 on the right (+x), -1 on the left.
+/// Position of the hilum, where vessels and airways enter a lung, mm; `side` is 1 on the right (+x), -1 on the left.
 fn hilum(side: f32) -> Vec3 {
     vec3(side * 40.0, -8.0, 22.0)
 }
@@ -115,7 +115,7 @@ fn airways(painter: &mut Painter) {
     painter.solid(-985.0, wider(0.0));
 }
 
-/// Arteries and veins of both lungs: each branch forks in two, thinner by Murray's law (2^(-1/3)).
+/// Adds the arteries and veins of both lungs. Each branch forks in two thinner ones by Murray's law (2^(-1/3)).
 fn lung_vessels(painter: &mut Painter) {
     struct Branch {
         from: Vec3,
@@ -165,7 +165,7 @@ fn lung_vessels(painter: &mut Painter) {
     }
 }
 
-/// End of a branch, shortened to lie in the lung; `None` if too little remains.
+/// Returns the end point of a vessel branch, shortened to lie in the lung; `None` if too little remains.
 fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
     [1.0, 0.7, 0.45]
         .into_iter()
@@ -173,7 +173,7 @@ fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
         .find(|&end| lungs(end) < -3.0)
 }
 
-/// Front of the spinal canal's centre line: the thoracic kyphosis.
+/// Returns the y coordinate of the spine at height `z`, mm, which follows the thoracic kyphosis.
 fn spine_y(z: f32) -> f32 {
     -46.0 - 6.0 * (1.0 - (z / 128.0).powi(2))
 }
@@ -239,7 +239,7 @@ fn ribs(painter: &mut Painter) {
     }
 }
 
-/// Front of the rib cage, on which the sternum lies.
+/// Returns the y coordinate of the front of the rib cage at height `z`, mm, where the sternum lies.
 fn sternum_y(z: f32) -> f32 {
     CAVITY_Y + (CAVITY_HALF.y + 5.0) * cavity_scale(z)
 }

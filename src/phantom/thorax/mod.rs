@@ -1,10 +1,10 @@
-//! CT-like chest in HU, in RAS+ mm and centred: lungs with vessels and airways, a heart with contrast, ribs, spine and
-//! sternum, on a scanner table. It is made for pictures, not for diagnosis.
+//! CT-like chest phantom in HU: lungs with vessels and airways, a heart with contrast, ribs, spine and sternum, on a
+//! scanner table. It is centred in RAS+ mm, and made for pictures, not for diagnosis.
 //!
-//! Large regions are implicit functions of position; bones and vessels are tubes, plates and ellipsoids painted over them in
-//! order. Detector and reconstruction of a scanner each average over about a cell, so every edge is a plane filtered by a tent
-//! two cells wide, by the distance in cells along the normal. On curved surfaces this is off by a few hundredths (see the
-//! test); supersampling would be more exact at a hundred times the cost.
+//! Large regions are implicit functions of position. Bones and vessels are tubes, plates and ellipsoids painted over
+//! them in order. Detector and reconstruction of a scanner each average over about one voxel. Every edge is therefore
+//! a plane filtered by a tent two voxels wide, as a function of the distance along the normal. On curved surfaces the
+//! error is a few hundredths (see the test); supersampling would be more exact at a hundred times the cost.
 
 mod anatomy;
 mod noise;
@@ -21,15 +21,16 @@ use regions::{AIR, over, tissue};
 use shape::{Part, Solid};
 use std::ops::Range;
 
-/// Default number of voxels along x: 1.41 mm in plane, slices of 2 mm.
+/// Default number of voxels of the chest phantom along x. Voxels are then 1.41 mm in plane, and slices 2 mm.
 pub const DEFAULT_SIZE: usize = 256;
-/// Extent of the grid, mm.
+/// Extent of the chest phantom along x, y and z, mm.
 const EXTENT_MM: Vec3 = vec3(360.0, 270.0, 256.0);
-/// Half the spread of the noise, HU (triangular, so a standard deviation of about 10).
+/// Amplitude of the noise of the chest phantom, HU. The distribution is triangular, with a standard deviation of
+/// about 10.
 const NOISE_HU: f32 = 24.0;
 
-/// Builds the chest with `size` voxels along x; returns the voxels in HU and the spacing in mm. The result is incomplete if
-/// `loading` was cancelled.
+/// Builds the chest phantom with `size` voxels along x; returns the voxels in HU and the voxel size in mm. The volume
+/// is incomplete if `loading` was cancelled.
 pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
     let dims = [size, (3 * size / 4).max(1), (size / 2).max(1)];
     let [nx, ny, nz] = dims;
@@ -72,23 +73,23 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
     (voxels, spacing_mm)
 }
 
-/// Slice that is being painted.
+/// Slice of the chest phantom into which solids are painted.
 struct Slice {
     hu: Vec<f32>,
-    /// Distance to the nearest part of the current solid, in cells.
+    /// Signed distance of each pixel to the nearest primitive of the solid that is being painted, in voxels.
     nearest: Vec<f32>,
     sides: [usize; 2],
-    /// First voxel of the volume, mm.
+    /// Position of the first voxel of the chest phantom, mm.
     first: Vec3,
     spacing: Vec3,
     z: f32,
 }
 
-/// Columns and rows of a slice.
+/// Ranges of columns and rows of a phantom slice.
 type Rectangle = [Range<usize>; 2];
 
 impl Slice {
-    /// Voxels that a part or its edge may cover.
+    /// Returns the pixels of the slice that a geometric primitive or its blurred edge may cover.
     fn covered_by(&self, part: &Part) -> Option<Rectangle> {
         let (low, high) = (part.low - self.spacing, part.high + self.spacing);
         if self.z < low.z || self.z > high.z {
@@ -101,7 +102,7 @@ impl Slice {
         Some([from.x as usize..(to.x as usize).min(nx), from.y as usize..(to.y as usize).min(ny)])
     }
 
-    /// Paints a solid over the slice.
+    /// Paints a solid over the slice of the chest phantom.
     fn paint(&mut self, solid: &Solid) {
         let covered: Vec<(&Part, Rectangle)> =
             solid.parts.iter().filter_map(|part| Some((part, self.covered_by(part)?))).collect();

@@ -1,11 +1,11 @@
-//! Hashes of numbers, by the finaliser of splitmix64.
+//! Deterministic noise of the chest phantom: hashes of integers by the finaliser of splitmix64.
 
-/// Hash of a number, uniform in `[0, 1)`.
+/// Hashes an integer to a number that is uniform in `[0, 1)`.
 pub fn uniform(seed: u64) -> f32 {
     (mix(seed) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// Hash of a number with a triangular distribution in `(-1, 1)`.
+/// Hashes an integer to a number with a triangular distribution in `(-1, 1)`.
 pub fn triangular(seed: u64) -> f32 {
     let bits = mix(seed);
     let scale = 1.0 / (1u64 << 24) as f32;

@@ -1,12 +1,12 @@
-//! Large regions of the chest as implicit functions: skin, fat, muscle, lungs, diaphragm, table.
+//! Large regions of the chest phantom as implicit functions: skin, fat, muscle, lungs, diaphragm, scanner table.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
-/// HU of air.
+/// CT number of air, HU.
 pub const AIR: f32 = -1000.0;
 
-/// Blends from `inside` to `outside` across an edge as a scanner does. Detector and reconstruction each average over about a
-/// cell, which together is a tent filter two cells wide.
+/// Blends two CT numbers across an edge, at a signed distance from it (below 0 inside), as a scanner does. Detector
+/// and reconstruction each average over about one voxel, which together is a tent filter two voxels wide.
 pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
     let t = (distance / cell).clamp(-1.0, 1.0);
     // Integral of the tent up to the edge.
@@ -14,33 +14,34 @@ pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
     outside + (inside - outside) * if t < 0.0 { 1.0 - within } else { within }
 }
 
-/// Distance to a surface and width of its edge.
+/// Signed distance to a surface of the chest phantom, and the width of its blurred edge.
 #[derive(Clone, Copy)]
 struct Surface {
-    /// Signed distance, below 0 inside.
+    /// Signed distance to the surface, mm, below 0 inside.
     mm: f32,
-    /// Width of the edge: the extent of a voxel's cell along the normal, mm.
+    /// Width of the blurred edge of the surface, mm: the extent of a voxel along the normal.
     edge_mm: f32,
 }
 
 impl Surface {
-    /// Surface of an implicit function with this value and gradient.
+    /// Computes distance and edge width from value and gradient of an implicit function, for voxels of size `cell` in
+    /// mm.
     fn new(value: f32, gradient: Vec3, cell: Vec3) -> Self {
         let slope = gradient.length().max(1e-6);
         Self { mm: value / slope, edge_mm: (gradient * cell).length() / slope }
     }
 
-    /// Parallel surface at a distance inwards.
+    /// Offsets a surface of the chest phantom inwards by `mm` millimetres.
     fn inward(self, mm: f32) -> Self {
         Self { mm: self.mm + mm, ..self }
     }
 
-    /// Complement.
+    /// Returns the surface of the complement of a region of the chest phantom.
     fn outside(self) -> Self {
         Self { mm: -self.mm, ..self }
     }
 
-    /// Intersection.
+    /// Returns the surface of the intersection of two regions of the chest phantom.
     fn and(self, other: Self) -> Self {
         if self.mm > other.mm { self } else { other }
     }
@@ -58,7 +59,8 @@ impl Surface {
     }
 }
 
-/// HU of all regions but the solids, for voxel cells of this size in mm.
+/// Returns the CT number (HU) of the chest phantom at a point without the painted solids. `cell` is the voxel size in
+/// mm.
 pub fn tissue(p: Vec3, cell: Vec3) -> f32 {
     let body = body(p, cell);
     let outside = table(p, cell);
@@ -93,7 +95,7 @@ pub fn tissue(p: Vec3, cell: Vec3) -> f32 {
     lung.over(hu, lung_hu)
 }
 
-/// Signed distance to the skin, to first order.
+/// Returns the signed distance to the skin of the chest phantom, to first order.
 fn body(p: Vec3, cell: Vec3) -> Surface {
     let up = (p.z / 128.0).clamp(-0.5, 1.0);
     let half = vec2(162.0 - 14.0 * up * up, 112.0 - 12.0 * up * up);
@@ -102,21 +104,21 @@ fn body(p: Vec3, cell: Vec3) -> Surface {
     Surface::new(slope.dot(q) - 1.0, (2.5 * slope / half).extend(0.0), cell)
 }
 
-/// Centre of the rib cage in y, and its half axes.
+/// Rib cage of the chest phantom, mm: y coordinate of its centre, and half axes along x and y.
 pub const CAVITY_Y: f32 = 12.0;
 pub const CAVITY_HALF: Vec2 = vec2(128.0, 80.0);
 
-/// Relative height in the apex: 0 in the cylindrical part of the cage, 1 at its tip.
+/// Returns the relative height in the apex of the rib cage: 0 in the cylindrical part, 1 at the tip.
 fn apex(z: f32) -> f32 {
     ((z + 20.0) / 142.0).max(0.0)
 }
 
-/// Relative size of the cage at a height.
+/// Returns the relative width of the rib cage at height `z` in mm, between 0 and 1.
 pub fn cavity_scale(z: f32) -> f32 {
     (1.0 - apex(z).min(1.0).powf(2.5)).powf(0.4)
 }
 
-/// Signed distance to the inside of the rib cage, to first order.
+/// Returns the signed distance to the inner wall of the rib cage, to first order.
 fn cavity(p: Vec3, cell: Vec3) -> Surface {
     let u = p.x.abs() / CAVITY_HALF.x;
     let v = (p.y - CAVITY_Y).abs() / CAVITY_HALF.y;
@@ -127,7 +129,8 @@ fn cavity(p: Vec3, cell: Vec3) -> Surface {
     Surface::new(value, 2.5 * gradient, cell)
 }
 
-/// Signed distance to the diaphragm, above 0 underneath: two domes, the right one (+x) higher.
+/// Returns the signed distance to the diaphragm, positive underneath. The diaphragm has two domes, the right one (+x)
+/// higher.
 fn diaphragm(p: Vec3, cell: Vec3) -> Surface {
     let dome = |x: f32, top: f32| {
         let off = vec2(p.x - x, p.y - 8.0);
@@ -141,7 +144,8 @@ fn diaphragm(p: Vec3, cell: Vec3) -> Surface {
     Surface { mm: 0.8 * (height - p.z), ..surface }
 }
 
-/// Signed distance to the lungs, mm: in the cage, above the diaphragm, beside the mediastinum.
+/// Returns the signed distance to the lungs, mm. They lie in the rib cage, above the diaphragm, beside the
+/// mediastinum.
 pub fn lungs(p: Vec3) -> f32 {
     lung_from(p, cavity(p, Vec3::ONE), diaphragm(p, Vec3::ONE)).mm
 }
@@ -160,7 +164,7 @@ fn lung_from(p: Vec3, cavity: Surface, below: Surface) -> Surface {
     within.and(Surface { mm: -middle.min(spine).min(heart), edge_mm: cavity.edge_mm })
 }
 
-/// Centre of the heart.
+/// Centre of the heart in the chest phantom, mm.
 pub const HEART: Vec3 = vec3(-18.0, 22.0, -30.0);
 
 fn mediastinum_hu(p: Vec3) -> f32 {
@@ -168,13 +172,14 @@ fn mediastinum_hu(p: Vec3) -> f32 {
     -80.0 + 25.0 * ((0.11 * p.x + 0.07 * p.z).sin() * (0.13 * p.y - 0.05 * p.z).sin())
 }
 
-/// Liver on the right, fat on the left (stomach and spleen are painted).
+/// Returns the CT number (HU) of the abdomen: liver on the right, fat on the left. Stomach and spleen are painted
+/// later.
 fn abdomen_hu(p: Vec3, cell: Vec3) -> f32 {
     let plane = -(p.x + 30.0 + 0.35 * (p.z + 70.0));
     Surface::new(plane, vec3(-1.0, 0.0, -0.35), cell).over(-95.0, 112.0)
 }
 
-/// Scanner table: a thin shell with foam, in air.
+/// Returns the CT number (HU) outside of the body: air, and the scanner table, a thin shell filled with foam.
 fn table(p: Vec3, cell: Vec3) -> f32 {
     let top = -107.0 + p.x * p.x / 840.0;
     let depth = top - p.y;

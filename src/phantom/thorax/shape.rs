@@ -1,43 +1,45 @@
-//! Solids of one HU value, and their list.
+//! Solids of the chest phantom, each a union of geometric primitives with one CT number.
 
 use glam::{Mat3, Vec2, Vec3, vec2, vec3};
 
-/// Solid of one HU value. Its parts merge without an edge.
+/// Solid with one CT number (HU). It is a union of primitives without edges between them.
 pub struct Solid {
     pub hu: f32,
     pub parts: Vec<Part>,
 }
 
-/// Geometric primitive.
+/// Geometric primitive of a solid: tube, ellipsoid, plate or drum.
 pub struct Part {
-    /// Bounding box, mm.
+    /// Corners of the bounding box of the primitive, mm.
     pub low: Vec3,
     pub high: Vec3,
     kind: Kind,
 }
 
 enum Kind {
-    /// Round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
+    /// Tube: a round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
     Tube { a: Vec3, along: Vec3, radii: [f32; 2], flatten: f32 },
-    /// Ellipsoid; `local` maps positions relative to the centre to the unit ball.
+    /// Ellipsoid; `local` maps positions relative to its centre to the unit ball.
     Ellipsoid { center: Vec3, local: Mat3 },
-    /// Points within `radius` of the triangle from `a` along its two sides.
+    /// Plate: points within `radius` of a triangle with corner `a` and two edge vectors.
     Plate { a: Vec3, sides: [Vec3; 2], radius: f32 },
-    /// Upright drum with round rims, with half width `half.x` of its straight part and half height `half.y`. Its radius is
-    /// `radius` at half height and grows by `flare` times the squared height.
+    /// Drum: an upright body with rounded rims and half height `half.y`, straight over a half width `half.x`. Its
+    /// radius is `radius` at half height and grows by `flare` times the squared height.
     Drum { center: Vec3, half: Vec2, radius: f32, flare: f32 },
 }
 
-/// Radius of a drum's rims, mm.
+/// Radius of the rounded rims of a drum primitive, mm.
 const RIM_MM: f32 = 2.0;
 
-/// Signed distance from a surface in cells, to first order, by an implicit function's value and gradient.
+/// Returns the signed distance from an implicit surface, in voxels of size `cell`, to first order. Arguments are
+/// value and gradient of the implicit function.
 fn in_cells(value: f32, gradient: Vec3, cell: Vec3) -> f32 {
     value / (gradient * cell).length().max(1e-6)
 }
 
 impl Part {
-    /// Signed distance in cells of this size in mm, below 0 inside; to first order.
+    /// Returns the signed distance of `p` from the primitive, in voxels of size `cell` (mm), to first order. It is
+    /// below 0 inside.
     pub fn distance(&self, p: Vec3, cell: Vec3) -> f32 {
         match &self.kind {
             Kind::Tube { a, along, radii, flatten } => {
@@ -78,7 +80,7 @@ impl Part {
     }
 }
 
-/// Closest point of a triangle to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
+/// Returns the point of a triangle that is closest to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
 fn closest_on_triangle(p: Vec3, a: Vec3, [ab, ac]: [Vec3; 2]) -> Vec3 {
     let ap = p - a;
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -111,7 +113,7 @@ fn closest_on_triangle(p: Vec3, a: Vec3, [ab, ac]: [Vec3; 2]) -> Vec3 {
     a + vb * inverse * ab + vc * inverse * ac
 }
 
-/// Creates a round cone between two points.
+/// Creates a tube primitive: a round cone between two points.
 pub fn tube(a: Vec3, b: Vec3, radii: [f32; 2], flatten: f32) -> Part {
     let mut along = b - a;
     along.z /= flatten;
@@ -119,7 +121,7 @@ pub fn tube(a: Vec3, b: Vec3, radii: [f32; 2], flatten: f32) -> Part {
     Part { low: a.min(b) - reach, high: a.max(b) + reach, kind: Kind::Tube { a, along, radii, flatten } }
 }
 
-/// Tubes through points, the radius running from the first to the second of `radii`.
+/// Creates tubes along a polyline. Their radius changes linearly from the first to the second of `radii`.
 pub fn path(points: &[Vec3], radii: [f32; 2], flatten: f32) -> Vec<Part> {
     let last = (points.len() - 1).max(1) as f32;
     let radius = |i: usize| radii[0] + (radii[1] - radii[0]) * i as f32 / last;
@@ -127,7 +129,7 @@ pub fn path(points: &[Vec3], radii: [f32; 2], flatten: f32) -> Vec<Part> {
     tubes.map(|(i, ends)| tube(ends[0], ends[1], [radius(i), radius(i + 1)], flatten)).collect()
 }
 
-/// Points of a Catmull-Rom curve through the given points.
+/// Subdivides a polyline into points of a Catmull-Rom curve.
 pub fn smooth(points: &[Vec3]) -> Vec<Vec3> {
     const STEPS: usize = 6;
     let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
@@ -150,20 +152,20 @@ pub fn smooth(points: &[Vec3]) -> Vec<Vec3> {
     curve
 }
 
-/// Creates a plate of the points within `radius` of a triangle.
+/// Creates a plate primitive: all points within `radius` of a triangle.
 pub fn plate([a, b, c]: [Vec3; 3], radius: f32) -> Part {
     let (low, high) = (a.min(b).min(c) - radius, a.max(b).max(c) + radius);
     Part { low, high, kind: Kind::Plate { a, sides: [b - a, c - a], radius } }
 }
 
-/// Creates an upright drum, see [`Kind::Drum`].
+/// Creates a drum primitive that stands along z, see [`Kind::Drum`].
 pub fn drum(center: Vec3, half: Vec2, radius: f32, flare: f32) -> Part {
     let widest = radius + flare * half.y * half.y;
     let reach = vec3(half.x + widest, widest, half.y);
     Part { low: center - reach, high: center + reach, kind: Kind::Drum { center, half, radius, flare } }
 }
 
-/// Solids in the order in which they are painted.
+/// List of solids in the order in which they are painted into the chest phantom.
 #[derive(Default)]
 pub struct Painter {
     pub solids: Vec<Solid>,
@@ -174,17 +176,18 @@ impl Painter {
         self.solids.push(Solid { hu, parts });
     }
 
-    /// Tubes through points, the radius running from the first to the second of `radii`.
+    /// Adds tubes along a polyline as one solid. Their radius changes linearly from the first to the second of
+    /// `radii`.
     pub fn path(&mut self, hu: f32, points: &[Vec3], radii: [f32; 2]) {
         self.solid(hu, path(points, radii, 1.0));
     }
 
-    /// Tubes along a smooth curve through points.
+    /// Adds tubes along a smooth curve through `points` as one solid.
     pub fn curve(&mut self, hu: f32, radii: [f32; 2], points: &[Vec3]) {
         self.path(hu, &smooth(points), radii);
     }
 
-    /// Adds an ellipsoid whose first half axis points along `axis`.
+    /// Adds an ellipsoid to the solids. Its first half axis points along `axis`.
     pub fn ellipsoid(&mut self, hu: f32, center: Vec3, axis: Vec3, half: Vec3) {
         let x = axis.normalize();
         let y = x.any_orthonormal_vector();
@@ -196,7 +199,7 @@ impl Painter {
         self.solid(hu, vec![part]);
     }
 
-    /// Adds a bone along points: cortex outside, and marrow from `cortex_mm` inwards.
+    /// Adds a bone along a polyline to the solids: a cortex of thickness `cortex_mm`, with marrow inside.
     pub fn bone(&mut self, points: &[Vec3], radius: f32, cortex_mm: f32, flatten: f32) {
         self.solid(680.0, path(points, [radius; 2], flatten));
         self.solid(260.0, path(points, [radius - cortex_mm; 2], flatten));
@@ -208,7 +211,8 @@ mod tests {
     use super::*;
     use crate::phantom::thorax::regions::over;
 
-    /// Value of a scanned part of 1 in 0: the tent-weighted mean around a voxel, by supersampling.
+    /// Returns the exact value of a voxel at the edge of a primitive of value 1 in surroundings of 0: the
+    /// tent-weighted mean, by supersampling.
     fn scanned(part: &Part, at: Vec3, cell: Vec3) -> f32 {
         const SIDE: i32 = 14;
         let offset = |i: i32| 2.0 * (i as f32 + 0.5) / SIDE as f32 - 1.0;
@@ -222,7 +226,8 @@ mod tests {
         sum / all
     }
 
-    /// Painted edges match supersampled ones to a few hundredths, on curved and slanted surfaces and for any spacing.
+    /// Blurred edges of solids match supersampled ones to a few hundredths, for curved and slanted surfaces and any
+    /// voxel size.
     #[test]
     fn edges_are_partial_volumes() {
         let mut painter = Painter::default();

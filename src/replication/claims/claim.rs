@@ -1,7 +1,7 @@
-//! Claims as files: one TOML file a paper, with a formula for each verdict.
+//! Claims of papers, read from TOML files: one file per paper, with a formula for each claim's verdict.
 //!
-//! A formula refers to columns of `compare.csv` (a value for each method that the claim needs) and to the
-//! quantities of [`Figures::number`]. Texts that start with `$` stand for an entry of the file's `texts`.
+//! A formula refers to columns of `compare.csv` (one value per method that the claim needs) and to the quantities of
+//! [`Figures::number`]. A text that starts with `$` is replaced by an entry of the file's `texts`.
 
 use super::figures::{Depth, Figures};
 use super::formula::{Formula, verdict};
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 
-/// Files of all papers: the citation stands in each.
+/// Built-in TOML files of claims, one per paper. Each contains the citation of its paper.
 const FILES: [&str; 8] = [
     include_str!("kim_neumann.toml"),
     include_str!("hadwiger.toml"),
@@ -34,35 +34,35 @@ struct PaperFile {
     claim: Value,
 }
 
-/// A figure of a verdict: its name and its value.
+/// Measured number behind a claim's verdict: its name and its value.
 pub type Figure = (String, f64);
 
-/// Result of trying a claim on a scene.
+/// Result of testing a paper's claim on a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// The verdict.
+    /// Verdict on the claim: whether it holds.
     pub holds: Holds,
-    /// The figures it follows from, the decisive one first.
+    /// Measured numbers that determine the claim's verdict, the decisive one first.
     pub figures: Vec<Figure>,
-    /// Further remarks for the reader; may be empty.
+    /// Further remarks on the claim's verdict, for the reader. May be empty.
     pub note: String,
 }
 
-/// Figures of the methods of each need, in the order in which the text of the need expands.
+/// Measurements that a claim needs: for each [`Need`], one entry per method, in the order of its method list.
 pub type Measured<'a> = [Vec<&'a Figures>];
 
-/// Methods that a claim needs on a variant of its scene.
+/// Methods that a claim needs measured on a variant of its scene.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Need {
-    /// Method list, in the syntax of `--methods`.
+    /// List of shadow methods with settings, in the syntax of `--methods`.
     pub methods: String,
-    /// Variant of the scene.
+    /// Variant of the claim's scene on which the methods are measured.
     #[serde(default)]
     pub variant: Variant,
 }
 
-/// Remark on a verdict.
+/// Remark on a claim's verdict, given always or under a condition.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Note {
@@ -70,33 +70,33 @@ enum Note {
     When { when: Formula, text: String },
 }
 
-/// Statement of a paper with a figure or a comparison in it.
+/// Quantitative claim of a paper, with the measurements and the formula that test it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
-    /// Citation.
+    /// Citation of the paper that makes the claim.
     #[serde(skip)]
     pub paper: String,
-    /// Section, table or figure.
+    /// Section, table or figure of the paper in which the claim is made.
     #[serde(rename = "where")]
     pub place: String,
-    /// The statement.
+    /// Statement of the paper (the claim), in words.
     pub claim: String,
-    /// Figure or comparison of the claim.
+    /// Number or comparison that the paper states for the claim.
     pub claimed: String,
-    /// Names of the stand-ins that it is tried on where no scene is given.
+    /// Names of the built-in scenes on which the claim is tested if the user gives no scene.
     #[serde(default)]
     pub scenes: Vec<String>,
-    /// Methods to measure.
+    /// Methods to measure for the claim, on variants of the scene.
     #[serde(default)]
     pub needs: Vec<Need>,
-    /// Extent of the measurement of each method.
+    /// Extent of the measurement of each method that the claim needs.
     #[serde(default)]
     pub depth: Depth,
-    /// The rule of the verdict in words.
+    /// Rule for the claim's verdict, in words.
     #[serde(default)]
     pub rule: String,
-    /// Reason why the claim cannot be tried.
+    /// Reason why the claim cannot be tested, if it cannot.
     pub untried: Option<String>,
     #[serde(default, rename = "let")]
     variables: Vec<(String, Formula)>,
@@ -108,10 +108,10 @@ pub struct Claim {
     notes: Vec<Note>,
 }
 
-/// Reads every claim, paper by paper.
+/// Reads the claims of all papers from the built-in files.
 ///
 /// # Errors
-/// A file of this program that is malformed; a test reads them all.
+/// A built-in claim file is malformed; a test reads them all.
 pub fn all() -> Result<Vec<Claim>> {
     let bad = |why: &dyn std::fmt::Display| Error::runtime("cannot read claims", "built-in file", why);
     let mut claims = Vec::new();
@@ -124,7 +124,7 @@ pub fn all() -> Result<Vec<Claim>> {
     Ok(claims)
 }
 
-/// Replaces every text that starts with `$` by the entry of that name.
+/// Replaces every text of a claim file that starts with `$` by the entry of that name in `texts`.
 fn fill(value: &mut Value, texts: &Table) -> Result<(), String> {
     match value {
         Value::String(text) => {
@@ -140,10 +140,10 @@ fn fill(value: &mut Value, texts: &Table) -> Result<(), String> {
 }
 
 impl Claim {
-    /// Evaluates the rule on what was measured.
+    /// Evaluates the claim's formulas on the measurements and returns the verdict with the numbers behind it.
     ///
     /// # Errors
-    /// A figure that was not measured.
+    /// A value that a formula needs was not measured.
     pub fn judge(&self, measured: &Measured) -> Result<Finding, String> {
         let mut values: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         let lookup =
@@ -190,10 +190,10 @@ impl Claim {
     }
 }
 
-/// Finds the citation of a paper by a word of it, letter case aside: `hadwiger`, `Neumann`, `2008`.
+/// Returns the citation of the paper that contains a given word, ignoring case: `hadwiger`, `Neumann`, `2008`.
 ///
 /// # Errors
-/// No paper, or several, have that word.
+/// No citation contains the word, or several do.
 pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
     // Keyboards have no umlauts.
     let plain = |name: &str| name.to_lowercase().replace('ü', "ue");
@@ -218,30 +218,30 @@ pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
     }
 }
 
-/// A claim as it was tried on a scene: the columns of `claims.csv`.
+/// Row of `claims.csv`: a paper's claim with the result of its test on one scene. The fields are the columns.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
-    /// Citation.
+    /// Citation of the paper that makes the claim.
     pub paper: String,
-    /// Section, table or figure.
+    /// Section, table or figure of the paper in which the claim is made.
     #[serde(rename = "where")]
     pub place: String,
-    /// The statement.
+    /// Statement of the paper (the claim), in words.
     pub claim: String,
-    /// Figure or comparison of the claim.
+    /// Number or comparison that the paper states for the claim.
     pub claimed: String,
-    /// Figures of the verdict, the decisive one first.
+    /// Measured numbers that determine the claim's verdict, the decisive one first.
     #[serde(serialize_with = "serialize_figures")]
     pub measured: Vec<Figure>,
-    /// The verdict.
+    /// Verdict on the claim: whether it holds.
     pub holds: Holds,
-    /// Scene and its variants; empty where the claim was not tried.
+    /// Scene and its variants on which the claim was tested. Empty for a claim that was not tested.
     pub scene: String,
-    /// The rule and remarks, or why the claim was not tried.
+    /// Rule for the claim's verdict with remarks, or the reason why the claim was not tested.
     pub note: String,
 }
 
-/// Figures in a line, with three significant digits.
+/// Formats the measured numbers behind a claim's verdict in one line, with three significant digits.
 pub(super) fn figures_text(figures: &[Figure]) -> String {
     let text = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
     figures.iter().map(text).collect::<Vec<_>>().join("; ")
@@ -275,7 +275,7 @@ mod tests {
         }
     }
 
-    /// Every name of a formula is a variable or a quantity of the methods of an existing need.
+    /// Every name in a claim's formula is a variable or a quantity measured for one of the claim's needs.
     #[test]
     fn formulas_speak_of_what_there_is() {
         for claim in all().unwrap() {

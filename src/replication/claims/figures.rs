@@ -1,4 +1,4 @@
-//! Measurements of a method on a scene, made once for all claims that need them.
+//! Measurements of shadow methods on a scene, made once for all claims of papers that need them.
 
 use super::scenes::{Subject, Variant};
 use crate::error::Result;
@@ -19,58 +19,60 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Exact and approximate transmittance at a point that the camera sees.
+/// Exact and approximate transmittance from the light at a visible point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AtPoint {
-    /// Exact transmittance from the light.
+    /// Exact transmittance from the light to the point.
     pub exact: f64,
-    /// The method's.
+    /// Transmittance from the light to the point, by the shadow method.
     pub method: f64,
-    /// Weight of the point: the opacity of its pixel.
+    /// Weight of the visible point in error statistics: the opacity of its pixel.
     pub weight: f64,
 }
 
-/// Measured figures of one method on one scene, as claims use them.
+/// Measurements of one shadow method on one scene, for the formulas of claims.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
-    /// Method and settings.
+    /// Name of the shadow method with its settings.
     pub name: String,
-    /// Row of a comparison: errors, times, bytes; empty if only the structure was needed.
+    /// Comparison table row with the method's errors, times and memory. Mostly empty if only the shadow map was
+    /// built.
     pub row: Row,
-    /// `height x width x 4`, linear RGBA.
+    /// Picture rendered with the shadow method, if any: `height x width x 4`, linear RGBA.
     pub picture: Option<Array3<f32>>,
-    /// Values at the points that the camera sees.
+    /// Exact transmittance and the method's transmittance at the visible points.
     pub points: Vec<AtPoint>,
-    /// Split of layers that the method chose, if it chooses one.
+    /// Split of layers that the method chose; `None` for a method that chooses none.
     pub split: Option<SplitChoice>,
-    /// Nodes by texel, where it has nodes.
+    /// Number of transmittance curve nodes in each shadow map texel; `None` for a method without nodes.
     pub nodes: Option<NodeMap>,
 }
 
-/// Exact transmittance of a point that light reaches almost unattenuated.
+/// Exact transmittance above which a point counts as lit almost without attenuation.
 const LIT: f64 = 0.95;
 
 impl Figures {
-    /// Returns whether formulas may use a name.
+    /// Whether the formulas of claims may use a name: a column of `compare.csv` or a quantity of the claims.
     #[cfg(test)]
     pub fn has(name: &str) -> bool {
         Self::default().quantity(name, None).is_some()
             || crate::measure::table::COLUMNS.iter().any(|c| c.name == name)
     }
 
-    /// Value of a column of `compare.csv` (flags are 0 or 1), or of a quantity of the claims:
+    /// Returns a measurement of the method by name, for the formulas of claims. The name is a column of `compare.csv`
+    /// (flags are 0 or 1) or a quantity of this table:
     ///
     /// | name | value |
     /// |---|---|
     /// | `moving_ms` | `build_ms + frame_ms` |
-    /// | `split_ratio`, `split_correlation` | chosen split of layers, and the correlation of neighbouring layers there |
-    /// | `darkest` | least transmittance at any visible point |
-    /// | `rms_lit`, `rms_bright`, `rms_dark` | rms error at visible points of exact transmittance >= 0.95, > 0.5, <= 0.5 |
-    /// | `small_tiles` | share of tiles whose fullest texel has at most a quarter of the nodes of the fullest tile |
+    /// | `split_ratio`, `split_correlation` | chosen split of layers, and correlation of its neighbouring layers |
+    /// | `darkest` | smallest transmittance at any visible point |
+    /// | `rms_lit`, `rms_bright`, `rms_dark` | rms error at points of exact transmittance >= 0.95, > 0.5, <= 0.5 |
+    /// | `small_tiles` | fraction of tiles whose fullest texel has at most 1/4 of the nodes of the fullest tile |
     /// | `ssim_to_next` | structural similarity with the picture of the claim's next method |
     ///
     /// # Errors
-    /// A value that was not measured, and why.
+    /// The value was not measured; the error states why.
     pub fn number(&self, name: &str, next: Option<&Self>) -> Result<f64, String> {
         let value = self.quantity(name, next).unwrap_or_else(|| match self.row.cell(name) {
             Cell::Integer(n) => Some(n as f64),
@@ -82,7 +84,8 @@ impl Figures {
         value.filter(|v| !v.is_nan()).ok_or_else(|| format!("no {name} ({}): {}", self.name, why()))
     }
 
-    /// Value of a quantity of the claims, empty where it was not measured; `None` for any other name.
+    /// Returns a quantity that the formulas of claims define beside the columns. The inner value is `None` if it was
+    /// not measured, the outer one for an unknown name.
     fn quantity(&self, name: &str, next: Option<&Self>) -> Option<Option<f64>> {
         Some(match name {
             "moving_ms" => self.row.moving_ms(),
@@ -101,7 +104,7 @@ impl Figures {
         })
     }
 
-    /// Weighted rms error at the visible points whose exact transmittance satisfies `keep`.
+    /// Weighted rms transmittance error at the visible points whose exact transmittance satisfies `keep`.
     fn rms_where(&self, keep: impl Fn(f64) -> bool) -> Option<f64> {
         let points = self.points.iter().filter(|p| keep(p.exact));
         ErrorStats::of(points.map(|p| (p.method - p.exact, p.weight))).ok()?.map(|stats| stats.rms)
@@ -114,45 +117,45 @@ fn share_of_small_tiles(most_by_tile: impl IntoIterator<Item = u32>) -> f64 {
     most.iter().filter(|n| 4 * **n <= fullest).count() as f64 / most.len().max(1) as f64
 }
 
-/// Extent of the measurement of a method.
+/// Extent of the measurement of a method for a claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Depth {
-    /// Times only, in turn with those of the claim's other needs.
+    /// Measures only times, interleaved with those of the claim's other methods.
     Times,
-    /// Structure only: bytes, nodes, split of layers.
+    /// Builds only the shadow map, for its memory, curve nodes and split of layers.
     Structure,
-    /// Errors, times and pictures as well.
+    /// Measures errors, times, memory and pictures.
     #[default]
     Whole,
 }
 
-/// Measurements requested for a variant of a scene.
+/// Measurements of methods that claims request on one variant of a scene.
 pub struct Wanted {
-    /// Change of the scene.
+    /// Variant of the scene on which the methods are measured.
     pub variant: Variant,
-    /// Methods of which everything is measured.
+    /// Methods whose errors, times, memory and pictures are measured.
     pub whole: Vec<Box<dyn Method>>,
-    /// Methods of which only the structure is made.
+    /// Methods whose shadow map is only built, not measured further.
     pub structure: Vec<Box<dyn Method>>,
 }
 
 impl Wanted {
-    /// Request without methods for a variant.
+    /// Creates a measurement request without methods for a variant of a scene.
     pub fn nothing(variant: Variant) -> Self {
         Self { variant, whole: Vec::new(), structure: Vec::new() }
     }
 }
 
-/// Name of a method with the values of all its keys: equal for equal settings.
+/// Returns the name of a method with all its settings. Methods with equal settings have equal keys.
 pub fn key(method: &dyn Method) -> String {
     method.spec().to_string()
 }
 
-/// Measures methods on a variant of a scene; a method that fails has a row that says why.
+/// Measures shadow methods on a variant of a scene. A method that fails gets a row with its error message.
 ///
 /// # Errors
-/// A volume that the device cannot hold, or it was ended on request.
+/// The device cannot store the volume, or the user cancelled the measurement.
 pub fn measure(
     renderer: &Arc<Renderer>,
     (name, subject): (&str, &Subject),
@@ -191,7 +194,7 @@ pub fn measure(
 }
 
 impl Figures {
-    /// Builds a method's structure and takes over what it says of itself.
+    /// Builds a method's shadow map and stores its memory, node count and split of layers.
     fn build(&mut self, session: &Session, method: &dyn Method, light: Light) -> Result<ShadowMap> {
         let shadow = session.shadow(method, light)?;
         self.split = shadow.report.split_choice;

@@ -1,4 +1,4 @@
-//! Formulas of claim files: arithmetic on lists of numbers.
+//! Formulas for the verdicts of claims: arithmetic on lists of measured numbers.
 //!
 //! Every value is a list. A list of one number combines with a list of any length; comparisons give 1 or 0.
 //! `name[i]` and `name[i:j]` pick entries of a column, `name@1` is the column of a claim's second need.
@@ -6,24 +6,24 @@
 use super::rules::{self, Holds};
 use serde::Deserialize;
 
-/// A parsed formula.
+/// Formula of a claim file, parsed into an expression tree.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum Formula {
-    /// A constant.
+    /// Numeric constant in a formula.
     Number(f64),
-    /// Entries of a named list: all, one, or a range.
+    /// Reference to a list of measured values by name: all of its entries, one, or a range.
     Name {
-        /// Name of the list of measured values.
+        /// Name of the list of measured values: a table column, a quantity or a variable of the claim.
         name: String,
-        /// Place of the need whose methods it has values for.
+        /// Index of the claim's need (a set of methods on a scene variant) whose measured values are meant.
         need: usize,
-        /// First entry, and end of the range where there is one.
+        /// Index of the first entry of the list, and the end of the range if there is one.
         entries: Option<(Box<Formula>, Option<Box<Formula>>)>,
     },
-    /// A list of lists, joined.
+    /// Concatenation of several lists in a formula.
     List(Vec<Formula>),
-    /// A function or operator with its arguments.
+    /// Function or operator of a formula, with its arguments.
     Call(String, Vec<Formula>),
 }
 
@@ -41,17 +41,18 @@ impl TryFrom<String> for Formula {
     }
 }
 
-/// Values by name, need and range of entries (all entries where the range is absent).
+/// Function that returns measured values by name, index of the claim's need, and range of entries. Without a range it
+/// returns all entries.
 pub type Lookup<'a> = dyn Fn(&str, usize, Option<(usize, usize)>) -> Result<Vec<f64>, String> + 'a;
 
-/// Operators from the weakest to the strongest binding; those of one level associate to the left.
+/// Operators of formulas, from lowest to highest precedence. All are left-associative.
 const LEVELS: [&[&str]; 5] = [&["||"], &["&&"], &["<=", ">=", "==", "<", ">"], &["+", "-"], &["*", "/"]];
 
 impl Formula {
-    /// Parses a formula.
+    /// Parses a formula of a claim file.
     ///
     /// # Errors
-    /// A text that is no formula: the place where reading stopped.
+    /// The text is not a valid formula; the error states where parsing stopped.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut rest = text;
         let formula = Self::level(&mut rest, 0)?;
@@ -121,10 +122,10 @@ impl Formula {
         Ok(list)
     }
 
-    /// Evaluates the formula to a list.
+    /// Evaluates the formula to a list of numbers.
     ///
     /// # Errors
-    /// A name that `lookup` does not have, an unknown function, or lists whose lengths do not agree.
+    /// `lookup` does not know a name, a function is unknown, or lists differ in length.
     pub fn list(&self, lookup: &Lookup) -> Result<Vec<f64>, String> {
         match self {
             Self::Number(x) => Ok(vec![*x]),
@@ -140,7 +141,7 @@ impl Formula {
                 };
                 lookup(name, *need, range)
             }
-            // Only the branch that is taken is evaluated: the other may ask for what was not measured.
+            // Only the branch taken is evaluated; the other may need values that were not measured.
             Self::Call(name, arguments) if name == "if" && arguments.len() == 3 => {
                 let taken = if arguments[0].number(lookup)? != 0.0 { 1 } else { 2 };
                 arguments[taken].list(lookup)
@@ -152,10 +153,10 @@ impl Formula {
         }
     }
 
-    /// Evaluates the formula to one number.
+    /// Evaluates the formula to a single number.
     ///
     /// # Errors
-    /// As [`Self::list`], or a list of another length.
+    /// The errors of [`Self::list`], or the list does not have exactly one entry.
     pub fn number(&self, lookup: &Lookup) -> Result<f64, String> {
         match *self.list(lookup)? {
             [x] => Ok(x),
@@ -163,7 +164,7 @@ impl Formula {
         }
     }
 
-    /// Calls `visit` for every name in the formula.
+    /// Calls `visit` for every name in the formula, with the index of the need that it refers to.
     pub fn names(&self, visit: &mut dyn FnMut(&str, usize)) {
         match self {
             Self::Number(_) => {}
@@ -179,7 +180,7 @@ impl Formula {
     }
 }
 
-/// Removes a symbol from the start of the text.
+/// Removes a symbol from the start of the formula text. Returns whether it was there.
 fn take(rest: &mut &str, symbol: &str) -> bool {
     let trimmed = rest.trim_start();
     let after = trimmed.strip_prefix(symbol);
@@ -191,7 +192,7 @@ fn holds(verdict: Holds) -> Vec<f64> {
     vec![f64::from(verdict as u8)]
 }
 
-/// The verdict of a number: 0 no, 1 partly, 2 yes.
+/// Converts a formula's result to a verdict on the claim: 0 is no, 1 is partly, 2 is yes.
 pub fn verdict(number: f64) -> Result<Holds, String> {
     [Holds::No, Holds::Partly, Holds::Yes]
         .into_iter()
@@ -237,7 +238,7 @@ fn apply(name: &str, lists: &[Vec<f64>]) -> Result<Vec<f64>, String> {
             let least = (0..a.len()).min_by(|i, j| a[*i].total_cmp(&a[*j]));
             least.map(|i| vec![i as f64]).ok_or("argmin of an empty list".into())
         }
-        // The place of the first entry that is not 0, or the number of entries.
+        // Index of the first nonzero entry, or the number of entries.
         ("first", [a]) => Ok(vec![a.iter().position(|x| *x != 0.0).unwrap_or(a.len()) as f64]),
         ("exponent", [xs, ys]) => {
             rules::exponent(&points(xs, ys)).map(|p| vec![p]).ok_or("no power fits".into())
@@ -252,7 +253,7 @@ fn apply(name: &str, lists: &[Vec<f64>]) -> Result<Vec<f64>, String> {
         ("rises", [series, least]) => Ok(holds(rules::rises(series, least[0]))),
         ("falls", [series, least]) => Ok(holds(rules::falls(series, least[0]))),
         ("beside", [measured, claimed, near]) => Ok(holds(rules::beside(measured, claimed, near[0]))),
-        // Yes where every case holds, no where none does.
+        // `Yes` if every case holds, `No` if none does, else `Partly`.
         ("each", [cases]) => {
             Ok(holds(Holds::all(cases.iter().map(|c| Holds::of(*c != 0.0, false)).collect::<Vec<_>>())))
         }

@@ -1,9 +1,9 @@
-//! Claims of the methods' papers, tried: each statement with a figure or a comparison in it is a row.
+//! Claims of papers: measures each quantitative statement in the papers of the shadow methods and gives a verdict.
 //!
-//! The claims are data, one TOML file a paper: the statement, the methods to measure, and a formula for the verdict
-//! ([`claim`], [`formula`]). [`figures`] measures every method once for all claims, in one comparison a scene, so that
-//! times that are divided by each other were taken in turn. [`scenes`] has stand-ins for the papers' data. A claim that
-//! cannot be tried is a row that says why and has no verdict.
+//! The claims are TOML files, one per paper. An entry has the statement, the methods to measure, and a formula for
+//! the verdict ([`claim`], [`formula`]). [`figures`] measures every method once for all claims, in one comparison per
+//! scene, so that times in a ratio come from interleaved rounds. [`scenes`] has built-in substitutes for the papers'
+//! data. A claim that cannot be tested gets a row with the reason and no verdict.
 
 pub mod claim;
 pub mod figures;

@@ -1,30 +1,31 @@
-//! Verdicts from figures, each by a rule that can be said in a sentence.
+//! Rules for verdicts on claims: whether measured numbers confirm the statement of a paper.
 
 use serde::Serialize;
 
-/// Whether a claim holds, worst first.
+/// Verdict on a claim, ordered from worst to best.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Holds {
     /// The claim does not hold.
     No,
-    /// The claim holds in part: the direction is right but not the figure, or it holds in some of several cases.
+    /// The claim holds in part: the direction is right but not the number, or it holds in some of several cases.
     Partly,
     /// The claim holds.
     Yes,
-    /// The claim was not tried.
+    /// The claim was not tested.
     #[default]
     #[serde(rename = "")]
     Untried,
 }
 
-/// Factor by which times of a busy machine may miss a range.
+/// Tolerance factor by which a time ratio may lie outside a paper's range, because other load on the machine disturbs
+/// timing.
 pub const TIME_SLACK: f64 = 1.15;
-/// Largest factor between figures that count as equal.
+/// Largest ratio of two measured numbers that count as equal.
 pub const EQUAL: f64 = 1.05;
 
 impl Holds {
-    /// Spelling of the verdict in tables.
+    /// Returns the verdict on a claim as tables show it; empty for a claim that was not tested.
     pub fn word(self) -> &'static str {
         match self {
             Self::No => "no",
@@ -34,7 +35,7 @@ impl Holds {
         }
     }
 
-    /// Yes where `yes`, else partly where `partly`.
+    /// Returns the verdict `Yes` if `yes` is true, else `Partly` if `partly` is true, else `No`.
     pub fn of(yes: bool, partly: bool) -> Self {
         match (yes, partly) {
             (true, _) => Self::Yes,
@@ -43,7 +44,8 @@ impl Holds {
         }
     }
 
-    /// Combines the verdicts of several cases: `Yes` or `No` where they agree, else `Partly`; `No` for none.
+    /// Combines a claim's verdicts over several cases: `Yes` or `No` if they agree, otherwise `Partly`; `No` without
+    /// cases.
     pub fn all(cases: impl IntoIterator<Item = Self>) -> Self {
         let mut cases = cases.into_iter();
         let Some(first) = cases.next() else { return Self::No };
@@ -51,9 +53,13 @@ impl Holds {
     }
 }
 
-/// A ratio that a paper gives as a range: yes within it, widened by [`TIME_SLACK`] at both ends but not beyond 1, where the
-/// range is on one side of that; partly where it is outside and yet on the range's side of 1 by more than [`EQUAL`], or
-/// where the widened range holds it and it is [`EQUAL`] to 1.
+/// Verdict on a measured ratio for which a paper gives a range.
+///
+/// `Yes` if the ratio lies in the range widened by [`TIME_SLACK`] at both ends. If the whole range lies on one side
+/// of 1, the ratio must lie on that side too.
+///
+/// `Partly` if the ratio lies outside, but on the range's side of 1 by more than [`EQUAL`]. Also `Partly` if the
+/// widened range contains the ratio and the ratio equals 1 within [`EQUAL`].
 pub fn within(ratio: f64, [low, high]: [f64; 2]) -> Holds {
     let side = if low + high > 2.0 { ratio >= EQUAL } else { ratio <= 1.0 / EQUAL };
     let opposite = (low > 1.0 && ratio <= 1.0) || (high < 1.0 && ratio >= 1.0);
@@ -62,31 +68,32 @@ pub fn within(ratio: f64, [low, high]: [f64; 2]) -> Holds {
     Holds::of(near && !opposite, side || near && equal)
 }
 
-/// A ratio said to be large: yes from `wanted` on, partly above [`EQUAL`].
+/// Verdict on a measured ratio that a paper claims to be large: `Yes` from `wanted` on, `Partly` from [`EQUAL`] on.
 pub fn at_least(ratio: f64, wanted: f64) -> Holds {
     Holds::of(ratio >= wanted, ratio >= EQUAL)
 }
 
-/// A ratio said to be small: yes up to `limit`, partly up to `most`.
+/// Verdict on a measured ratio that a paper claims to be small: `Yes` up to `limit`, `Partly` up to `most`.
 pub fn at_most(ratio: f64, limit: f64, most: f64) -> Holds {
     Holds::of(ratio <= limit, ratio <= most)
 }
 
-/// A series said to rise: yes where no step falls and the whole rises by more than `least`; partly where only the whole
-/// does.
+/// Verdict on a series of measurements that a paper claims to rise. `Yes` if no step falls and the total rise exceeds
+/// `least`; `Partly` if only the total rise does.
 pub fn rises(series: &[f64], least: f64) -> Holds {
     let (Some(first), Some(last)) = (series.first(), series.last()) else { return Holds::No };
     let whole = last - first > least;
     Holds::of(whole && series.windows(2).all(|w| w[1] >= w[0]), whole)
 }
 
-/// A series said to fall: the mirror image of [`rises`].
+/// Verdict on a series of measurements that a paper claims to fall. `Yes` if no step rises and the total fall exceeds
+/// `least`; `Partly` if only the total fall does.
 pub fn falls(series: &[f64], least: f64) -> Holds {
     rises(&series.iter().map(|x| -x).collect::<Vec<_>>(), least)
 }
 
-/// Figures beside those of a paper: yes where each is within `near`, partly where at least half of them are; a figure
-/// that is missing on either side decides no.
+/// Verdict on measured numbers against the numbers of a paper. `Yes` if all differ by at most `near`, `Partly` if at
+/// least half do. `No` if the lists are empty or differ in length.
 pub fn beside(measured: &[f64], claimed: &[f64], near: f64) -> Holds {
     if measured.len() != claimed.len() || measured.is_empty() {
         return Holds::No;
@@ -95,18 +102,18 @@ pub fn beside(measured: &[f64], claimed: &[f64], near: f64) -> Holds {
     Holds::of(hits == measured.len(), 2 * hits >= measured.len())
 }
 
-/// A straight line through points.
+/// Least-squares line through measured points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Value at 0.
+    /// Value of the least-squares line at 0.
     pub start: f64,
-    /// Slope of the line.
+    /// Slope of the least-squares line.
     pub slope: f64,
-    /// Root mean square distance of the points from it, as a share of their mean.
+    /// Root mean square residual of the points from the line, divided by the absolute value of their mean.
     pub residual: f64,
 }
 
-/// The line of least squares; `None` for fewer than two different places.
+/// Fits a line through points by least squares; `None` if they have fewer than two distinct x values.
 pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     let n = points.len() as f64;
     let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
@@ -121,7 +128,8 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     Some(Line { start, slope, residual })
 }
 
-/// The exponent `p` of `y = c x^p` by least squares of logarithms; `None` where there is none.
+/// Fits the exponent `p` of `y = c x^p` by least squares of logarithms. `None` if a coordinate is not positive or no
+/// line fits.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let positive = points.iter().all(|(x, y)| *x > 0.0 && *y > 0.0);
     let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();

@@ -1,4 +1,4 @@
-//! Trying claims: what they need is measured once, then each is judged.
+//! Test of papers' claims: measures once everything that the claims need, then judges each claim.
 
 use super::claim::{Claim, Finding, Measured, Row};
 use super::figures::{Depth, Figures, Wanted, key, measure};
@@ -13,7 +13,8 @@ use crate::shadow::{Method, parse_list};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Names of the scenes on which claims are tested: the given scenes, or the built-in scenes that the claims name.
+/// Returns the names of the scenes on which claims are tested: the given scenes, or the built-in scenes that the
+/// claims name.
 pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     if !given.is_empty() {
         return given.to_vec();
@@ -22,11 +23,12 @@ pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     names.filter(|name| claims.iter().any(|c| c.scenes.contains(name))).collect()
 }
 
-/// Groups the measurements that claims need by scene variant, each method once at the greatest depth requested.
+/// Groups the measurements that claims need by scene variant. Each method is measured once, to the greatest extent
+/// requested.
 fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     let mut groups: Vec<Wanted> = Vec::new();
     let mut claims: Vec<&Claim> = claims.filter(|c| c.depth != Depth::Times).collect();
-    // Whole ones first: a structure alone is then made only where no claim needs more.
+    // Full measurements first, so that a shadow map is built alone only if no claim needs more.
     claims.sort_by_key(|c| std::cmp::Reverse(c.depth));
     for (depth, need) in claims.iter().flat_map(|c| c.needs.iter().map(|need| (c.depth, need))) {
         let at = groups.iter().position(|g| g.variant == need.variant).unwrap_or_else(|| {
@@ -47,11 +49,11 @@ fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     Ok(groups)
 }
 
-/// Tries claims, each on the scenes `given` or else on its stand-ins; `read` gives a scene by its name. A claim whose
-/// figures are not to be had is a row that says why.
+/// Tests claims on the scenes `given`, or else on the built-in scenes that each claim names. `read` loads a scene by
+/// its name. A claim with missing measurements gets a row with the reason.
 ///
 /// # Errors
-/// A scene that cannot be read, one that the device cannot hold, or it was ended on request.
+/// A scene cannot be read, the device cannot store it, or the user cancelled the measurement.
 pub fn run(
     renderer: &Arc<Renderer>,
     claims: &[Claim],
@@ -107,12 +109,12 @@ pub fn run(
     Ok(rows.into_iter().map(|(_, row)| row).collect())
 }
 
-/// Whether a claim needs built-in scenes besides its own.
+/// Whether a claim compares its scene with other built-in scenes.
 fn compares_stand_ins(claim: &Claim) -> bool {
     claim.needs.iter().any(|n| n.variant.scene.is_some())
 }
 
-/// A claim without verdict.
+/// Creates a row of the claims table without a verdict.
 fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     Row {
         paper: claim.paper.clone(),
@@ -124,7 +126,7 @@ fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     }
 }
 
-/// Selects the figures that a claim needs from all that were measured on its scene.
+/// Selects the measurements that a claim needs from all measurements on its scene.
 fn collect<'a>(
     claim: &Claim,
     known: &'a [(Variant, HashMap<String, Figures>)],
@@ -142,7 +144,7 @@ fn collect<'a>(
     Ok(measured)
 }
 
-/// The row of a claim on a scene, from the figures that it needs.
+/// Creates the row of the claims table with the verdict on a claim, from the measurements that it needs.
 fn verdict(claim: &Claim, scene: &str, measured: &Measured) -> Row {
     let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
     variants.dedup();
@@ -193,7 +195,7 @@ mod tests {
         }
     }
 
-    /// Figures of a method with every quantity set to a made-up value.
+    /// Returns measurements of a method with random values for every quantity, for tests.
     fn made_up(method: &dyn Method, random: &mut fastrand::Rng) -> Figures {
         let mut value = |scale: f64| Some(scale * (0.2 + random.f64()));
         let row = table::Row {
@@ -235,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Every formula evaluates, and no verdict is a constant.
+    /// Every claim's formula can be evaluated, and its verdict depends on the measured numbers.
     #[test]
     fn verdicts_follow_from_the_figures() {
         let mut random = fastrand::Rng::with_seed(7);

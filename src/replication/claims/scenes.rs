@@ -1,5 +1,4 @@
-//! Test scenes for claims: stand-ins for the papers' data that this program makes itself, and ways of changing a
-//! scene where a claim is about the change.
+//! Scenes for testing claims: built-in substitutes for the papers' data, and variants of a scene.
 
 use crate::scene::{Light, Scene, Skip};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
@@ -9,17 +8,17 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
-/// A scene that stands in for a paper's.
+/// Built-in scene that substitutes for the data of a paper.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandIn {
-    /// The column `scene`.
+    /// Name of the built-in scene, as in the column `scene` of `claims.csv`.
     pub name: String,
-    /// Data of the papers that the scene stands in for.
+    /// Data of the papers that the built-in scene substitutes for.
     pub about: String,
-    /// Text of the scene file, without the factor on the extinction.
+    /// Text of the built-in scene's file (TOML), without the extinction factor.
     pub toml: String,
-    /// Factor on the extinction of the scene's transfer function.
+    /// Factor by which the extinction of the scene's transfer function is multiplied.
     #[serde(default = "one")]
     pub extinction: f64,
 }
@@ -28,7 +27,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// Every stand-in, from `scenes.toml`.
+/// All built-in scenes for testing claims, from `scenes.toml`.
 pub static STAND_INS: LazyLock<Vec<StandIn>> = LazyLock::new(|| {
     // A test reads the built-in file.
     let file: Option<BTreeMap<String, Vec<StandIn>>> = toml::from_str(include_str!("scenes.toml")).ok();
@@ -36,40 +35,40 @@ pub static STAND_INS: LazyLock<Vec<StandIn>> = LazyLock::new(|| {
 });
 
 impl StandIn {
-    /// Applies the extinction factor to a scene.
+    /// Multiplies the extinction of a scene's transfer function by this built-in scene's factor.
     pub fn of(&self, subject: Subject) -> Subject {
         Subject { tf: denser(&subject.tf, self.extinction), ..subject }
     }
 }
 
-/// Scene of claims with its volume and transfer function.
+/// Scene for testing claims, with its volume and transfer function.
 #[derive(Clone)]
 pub struct Subject {
-    /// The voxels.
+    /// Volume of the scene.
     pub volume: Arc<Volume>,
-    /// Transfer function from voxel values to colour and extinction.
+    /// Transfer function of the scene, from voxel values to colour and extinction.
     pub tf: TransferFunction,
-    /// Camera, light, and size of the picture.
+    /// Camera, light and picture size of the scene.
     pub scene: Scene,
 }
 
-/// A change to a scene.
+/// Variant of a scene on which a claim is tested: the changes to apply to the scene.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Variant {
-    /// Factor on all extinction.
+    /// Factor by which all extinction of the scene is multiplied.
     pub extinction: f64,
-    /// Direction towards the light, if it differs from the scene's.
+    /// Direction towards the light, if it differs from the original scene's.
     pub light: Option<DVec3>,
-    /// Skipping of empty space, if it differs from the scene's.
+    /// Mode of empty-space skipping, if it differs from the original scene's.
     pub skip: Option<Skip>,
-    /// Pixels a side of a square picture, instead of the size of the scene.
+    /// Pixels per side of a square picture, if its size differs from the original scene's.
     pub pixels: Option<u32>,
-    /// Name of another stand-in.
+    /// Name of another built-in scene that replaces the original scene.
     pub scene: Option<String>,
 }
 
-/// The scene itself.
+/// Creates the variant that leaves a scene unchanged.
 impl Default for Variant {
     fn default() -> Self {
         Self { extinction: 1.0, light: None, skip: None, pixels: None, scene: None }
@@ -77,7 +76,7 @@ impl Default for Variant {
 }
 
 impl Variant {
-    /// Applies the change to a scene.
+    /// Applies the changes of this variant to a scene.
     pub fn of(&self, subject: &Subject) -> Subject {
         let Subject { volume, tf, scene } = subject;
         let mut scene = scene.clone();
@@ -91,7 +90,7 @@ impl Variant {
         Subject { volume: Arc::clone(volume), tf: denser(tf, self.extinction), scene }
     }
 
-    /// Description of the change; empty for the unchanged scene.
+    /// Describes the changes of this scene variant in words; empty for an unchanged scene.
     pub fn text(&self) -> String {
         let mut parts: Vec<String> = self.scene.iter().cloned().collect();
         if self.extinction != 1.0 {
@@ -110,7 +109,8 @@ impl Variant {
     }
 }
 
-/// The transfer function with all its extinction times a factor, exactly so: opacities are over a shorter length then.
+/// Returns the transfer function with all extinction multiplied by a factor, exactly. For opacities, the reference
+/// length is divided by the factor.
 fn denser(tf: &TransferFunction, factor: f64) -> TransferFunction {
     let mut tf = tf.clone();
     match tf.quantity {

@@ -1,21 +1,22 @@
-//! Claims of papers as tables.
+//! Tables of the tested claims of papers, as Markdown.
 
 use super::Row;
 use super::claim::figures_text;
 use super::rules::Holds;
 
-/// A scene that claims were tried on, for who wants to run it again.
+/// Scene on which claims were tested, with everything needed to repeat the test.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TriedOn {
-    /// The column `scene`.
+    /// Name of the scene, as in the column `scene` of `claims.csv`.
     pub name: String,
-    /// Data that the scene stands in for, or the file it was read from.
+    /// Data that a built-in scene substitutes for, or the file that the scene was read from.
     pub about: String,
-    /// The scene file.
+    /// Text of the scene file (TOML).
     pub toml: String,
 }
 
-/// Numbers of rows of each paper that hold, hold in part, do not hold and were not tried.
+/// Returns a Markdown table with the number of claims of each paper that hold, hold in part, do not hold and were not
+/// tested.
 pub fn counts(rows: &[Row]) -> String {
     let mut out =
         String::from("| paper | yes | partly | no | not tried |\n| --- | ---: | ---: | ---: | ---: |\n");
@@ -27,14 +28,15 @@ pub fn counts(rows: &[Row]) -> String {
     out
 }
 
-/// The papers of the rows, each once, in their order.
+/// Returns the papers in the rows of the claims table, each once, in order.
 fn papers(rows: &[Row]) -> Vec<&str> {
     let mut papers: Vec<&str> = rows.iter().map(|r| r.paper.as_str()).collect();
     papers.dedup();
     papers
 }
 
-/// `claims.md`: how many hold, a table a paper, and the scenes. `made_by` says on what adapter, by what revision.
+/// Writes `claims.md`: counts of verdicts, one table of claims per paper, and the scenes. `made_by` names the
+/// graphics adapter and the program revision.
 pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
     let mut out = format!("# Claims of the papers, tried\n{made_by}\n\n{}", counts(rows));
     for paper in papers(rows) {
@@ -57,7 +59,7 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
     out.trim_end().to_owned() + "\n"
 }
 
-/// A line of a Markdown table.
+/// Formats a row of a Markdown table.
 fn line(cells: impl Iterator<Item = String>) -> String {
     format!("| {} |\n", cells.map(|c| c.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
 }

@@ -1,5 +1,5 @@
-//! Times of one method on several variants of a scene, taken in turn: figures of two comparisons are minutes apart, and a
-//! machine is not as busy then.
+//! Interleaved timing of methods on several variants of a scene. Separate comparisons are minutes apart, and the load
+//! of the machine changes meanwhile.
 
 use super::claim::Need;
 use super::figures::Figures;
@@ -13,10 +13,11 @@ use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::shadow::parse_list;
 use std::sync::Arc;
 
-/// Times of every method of every need, and nothing else.
+/// Times all methods that a claim needs, on all of its scene variants, in interleaved rounds. Nothing else is
+/// measured.
 ///
 /// # Errors
-/// A variant that the device cannot hold, or it was ended on request.
+/// The device cannot store a variant of the scene, or the user cancelled the measurement.
 pub fn time_in_turn(
     renderer: &Arc<Renderer>,
     (name, subject): (&str, &Subject),

@@ -1,4 +1,5 @@
-//! The cases of `cases.toml`: what is stiff or extreme in a volume, a transfer function, a light or a setting.
+//! Stability cases of `cases.toml`: volumes, transfer functions, lights and settings with extreme or ill-conditioned
+//! properties.
 
 use super::fields::{Field, SIDE};
 use crate::error::{Error, Result};
@@ -9,52 +10,53 @@ use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// The name of the case that the costs of the others are compared with.
+/// Name of the ordinary stability case, whose time and memory serve as the baseline for all others.
 pub const ORDINARY: &str = "ordinary";
 
-/// One case: everything but the method.
+/// Stability case: a volume, transfer function, lights and settings on which every shadow method is tested.
 pub struct Case {
-    /// Name of the case, in the form that `--case` takes.
+    /// Name of the stability case, as `--case` takes it.
     pub name: String,
-    /// Description of the stiff or extreme property that the case tests.
+    /// Description of the extreme property that the stability case tests.
     pub about: String,
-    /// The voxels.
+    /// Volume of the stability case.
     pub volume: Arc<Volume>,
-    /// Transfer function from voxel values to colour and extinction.
+    /// Transfer function of the stability case, from voxel values to colour and extinction.
     pub tf: TransferFunction,
-    /// Lights, each tested alone.
+    /// Lights of the stability case. Each light is tested alone.
     pub lights: Vec<Light>,
-    /// Settings, by key, that replace those of the methods.
+    /// Method settings of the stability case as `(name, value)` pairs. They override the settings of the tested
+    /// methods.
     pub settings: Vec<(String, String)>,
-    /// Whether the case is only for methods that know every key of the settings.
+    /// Whether the stability case applies only to methods that have all of its settings.
     pub needs_settings: bool,
-    /// Eye-ray step, in units of the smallest voxel spacing.
+    /// Step length of camera rays in the stability case, in units of the smallest voxel spacing.
     pub step: f64,
 }
 
-/// File with all cases.
+/// Contents of `cases.toml`, the file of stability cases.
 #[derive(Deserialize)]
 struct CaseFile {
     case: Vec<CaseEntry>,
 }
 
-/// One case of the file.
+/// Entry of `cases.toml`: one stability case.
 #[derive(Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct CaseEntry {
     name: String,
     about: String,
     field: Field,
-    /// Values to which 0 and 1 of the field are mapped.
+    /// Voxel values for the field values 0 and 1, which are mapped linearly.
     values: [f64; 2],
     dims: [usize; 3],
-    /// World coordinates (mm) of the unit index vectors and of the origin.
+    /// World vectors of one voxel step along each index axis, and world position of the index origin, mm.
     affine: [DVec3; 4],
-    /// Extinction (1/mm) by value.
+    /// Control points of the transfer function as pairs of voxel value and extinction (1/mm).
     extinction: Vec<(f64, f64)>,
-    /// Opacity by value.
+    /// Control points of the transfer function as pairs of voxel value and opacity.
     opacity: Vec<(f64, f64)>,
-    /// Number of points of an extinction that follows a sine wave.
+    /// Number of control points of a transfer function whose extinction follows a sine wave.
     waves: u32,
     reference_length_mm: f64,
     lights: Vec<LightEntry>,
@@ -84,7 +86,7 @@ impl Default for CaseEntry {
     }
 }
 
-/// Direction towards a light, or the position of one, mm.
+/// Light of a stability case: the direction towards a directional light, or the position of a point light, mm.
 #[derive(Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum LightEntry {
@@ -92,10 +94,10 @@ enum LightEntry {
     Point(DVec3),
 }
 
-/// Every case, the ordinary one first.
+/// Reads all stability cases from the built-in file, the ordinary case first.
 ///
 /// # Errors
-/// A malformed built-in file; a test reads it.
+/// The built-in file of cases is malformed; a test reads it.
 pub fn all() -> Result<Vec<Case>> {
     let bad = |e| Error::runtime("cannot read stability cases", "built-in file", e);
     let file: CaseFile = toml::from_str(include_str!("cases.toml")).map_err(bad)?;
@@ -144,7 +146,7 @@ impl LightEntry {
     }
 }
 
-/// A light at infinity in no special direction, and a point light well outside the volume.
+/// Default lights of a stability case: an oblique directional light, and a point light well outside the volume.
 fn default_lights(volume: &Volume) -> [Light; 2] {
     let corners = volume.corners_mm();
     let center = corners.iter().sum::<DVec3>() / 8.0;
@@ -178,7 +180,7 @@ mod tests {
         assert_eq!(find("outlier").volume.value_range()[1], 1e6);
         assert_eq!(find("grid-one-brick").volume.dims(), [3; 3]);
         assert_eq!(find("uniform-1e6").tf.extinction(0.3), 1e6);
-        // Both lights wherever the case is not about the light itself.
+        // Both default lights apply unless the case is about the light itself.
         assert!(
             cases
                 .iter()

@@ -1,4 +1,4 @@
-//! Scalar fields of the stability cases.
+//! Scalar fields that fill the volumes of the stability cases.
 
 use crate::error::Result;
 use crate::volume::{Provenance, Scaling, Volume, Voxels};
@@ -7,50 +7,51 @@ use ndarray::Array3;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Voxels a side of most cases.
+/// Number of voxels per side in the volumes of most stability cases.
 pub const SIDE: usize = 24;
 
-/// Scalar field of index coordinates with values in `[0, 1]`, except for the last three.
+/// Scalar field for the volume of a stability case, as a function of index coordinates. Values lie in `[0, 1]`,
+/// except for the last three fields.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Field {
-    /// Falls from 1 in the middle to 0 at 11 voxels, uneven by some percent.
+    /// Ball with value 1 at its centre and 0 at a radius of 11 voxels, with a few percent of irregularity.
     #[default]
     Ball,
-    /// 0.5 everywhere.
+    /// Uniform field with the value 0.5.
     Constant,
-    /// Values without order.
+    /// Rough field whose values vary irregularly from voxel to voxel.
     Rough,
-    /// 1 below z = 12.
+    /// Half space: 1 where z < 12 voxels, 0 elsewhere.
     HalfSpace,
-    /// Layers of 0 and 1 along x, each one voxel thick.
+    /// Alternating layers of 0 and 1 along x, each one voxel thick.
     LayersX,
-    /// Layers of 0 and 1 along z, each one voxel thick.
+    /// Alternating layers of 0 and 1 along z, each one voxel thick.
     LayersZ,
-    /// A ball of radius 9 voxels whose wall is one voxel thick.
+    /// Spherical shell with a radius of 9 voxels and a wall of one voxel.
     Shell,
-    /// A ball of radius 8 voxels.
+    /// Solid ball with a radius of 8 voxels.
     SolidBall,
-    /// Pair of columns that share the edge x = y = 3.
+    /// Two square columns along z that meet only at the edge x = y = 3 voxels.
     Columns,
-    /// Rough matter at two far ends of the diagonal of 48 voxels a side.
+    /// Rough values in two opposite corners of a grid of 48 voxels per side, 0 elsewhere.
     Corners,
-    /// An oblique plane, one voxel thick.
+    /// Oblique plane sheet with a thickness of one voxel.
     Sheet,
-    /// A column of 8 x 8 voxels below z = 12.
+    /// Column of 8 x 8 voxels below z = 12 voxels.
     Block,
-    /// Single voxels with 0 around each.
+    /// Isolated voxels of 1, each surrounded by 0.
     LoneVoxels,
-    /// A ball with one voxel of 1e6 in the middle.
+    /// Ball with a single voxel of value 1e6 at its centre.
     Outlier,
-    /// A ball in which some voxels are not a number.
+    /// Ball in which some voxels are NaN.
     Nan,
-    /// A ball in which some voxels are infinite, of both signs.
+    /// Ball in which some voxels are positive or negative infinity.
     Infinities,
 }
 
 impl Field {
-    /// Value at index coordinates.
+    /// Returns the value of the scalar field at index coordinates.
     fn at(self, p: DVec3) -> f64 {
         let middle = DVec3::splat(0.5 * (SIDE as f64 - 1.0));
         let from_middle = p.distance(middle);
@@ -88,7 +89,7 @@ impl Field {
         }
     }
 
-    /// Volume of float32 values of `dims` voxels, with 0 and 1 of the field mapped to `low` and `high`.
+    /// Creates a float32 volume of `dims` voxels from the scalar field, with 0 and 1 mapped to `low` and `high`.
     pub fn volume(
         self,
         world_from_index: DAffine3,

@@ -1,34 +1,34 @@
-//! Detection of numerical faults of a method on a stability case.
+//! Detection of numerical faults of a shadow method on a stability case.
 
 use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::shadow::{Bound, Curve};
 use serde::Serialize;
 
-/// The column `status`, from good to bad.
+/// Result of a shadow method on a stability case, from good to bad, as in the column `status`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// No fault.
+    /// The shadow method shows no numerical fault.
     #[default]
     Ok,
-    /// Transmittance violated the error bound.
+    /// The transmittance violates the method's error bound.
     BoundExceeded,
-    /// Transmittance rose with depth.
+    /// The transmittance increases with depth along a light ray.
     NotMonotone,
-    /// A value was outside `[0, 1]`.
+    /// A transmittance or a picture channel lies outside `[0, 1]`.
     OutOfRange,
-    /// A value was not finite.
+    /// A transmittance or a picture channel is NaN or infinite.
     Nan,
-    /// The method could not be built, drawn or queried.
+    /// The shadow method could not be built, rendered or queried.
     Failed,
 }
 
 impl Status {
-    /// Every status, from good to bad.
+    /// All statuses of a method on a stability case, from good to bad.
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 
-    /// Spelling in tables, and symbol in the summary, of each of [`Self::ALL`].
+    /// Name and symbol of each status in [`Self::ALL`], for the stability table and its summary.
     const TEXTS: [(&'static str, char); 6] = [
         ("ok", '✓'),
         ("bound_exceeded", 'B'),
@@ -38,39 +38,41 @@ impl Status {
         ("failed", 'F'),
     ];
 
-    /// Spelling of the status in tables.
+    /// Name of the status in the stability table.
     pub fn name(self) -> &'static str {
         Self::TEXTS[self as usize].0
     }
 
-    /// Symbol of the status in the summary.
+    /// Symbol of the status in the summary of the stability table.
     pub fn glyph(self) -> char {
         Self::TEXTS[self as usize].1
     }
 }
 
-/// Results of one light ray test and one picture.
+/// Findings on one shadow method in a stability case with one light: tests along light rays and of one picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Findings {
-    /// Transmittance along light rays against the exact curve.
+    /// Test of the method's transmittance along light rays against the exact curve and the error bound.
     pub check: BoundReport,
-    /// Error bound that the method guarantees for transmittance along light rays, if any.
+    /// Error bound that the method states for transmittance along light rays, if any.
     pub bound: Option<Bound>,
-    /// Sanity of transmittance along light rays, judged without the exact curve.
+    /// Counts of unphysical transmittance values along light rays, found without the exact curve.
     pub rays: Sanity,
-    /// Shape that the method's definition allows transmittance to have along a ray.
+    /// Shape of the transmittance curve along a light ray that the method's definition permits, such as a monotone
+    /// decrease.
     pub curve: Curve,
-    /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
+    /// Number of picture channels that are NaN or infinite.
     pub picture_non_finite: usize,
-    /// Finite channels outside `[0, 1]`.
+    /// Number of finite picture channels outside `[0, 1]`.
     pub picture_out_of_range: usize,
 }
 
-/// Pictures of white light and no background lie in `[0, 1]`, but for the rounding of sums of thousands of samples.
+/// Tolerance for picture channels outside `[0, 1]`. It covers the rounding of sums over thousands of samples under
+/// white light without background.
 const PICTURE_RANGE: f32 = 1e-5;
 
 impl Findings {
-    /// Counts a picture's channels.
+    /// Counts the channels of a picture that are not finite or outside `[0, 1]`.
     pub fn look_at<'a>(&mut self, channels: impl IntoIterator<Item = &'a f32>) {
         for v in channels {
             self.picture_non_finite += usize::from(!v.is_finite());
@@ -79,24 +81,24 @@ impl Findings {
         }
     }
 
-    /// Non-finite values, on rays and in the picture.
+    /// Number of values that are NaN or infinite, over transmittances along light rays and picture channels.
     pub fn non_finite(&self) -> usize {
         self.rays.non_finite + self.picture_non_finite
     }
 
-    /// Finite values outside `[0, 1]`, on rays and in the picture.
+    /// Number of finite values outside `[0, 1]`, over transmittances along light rays and picture channels.
     pub fn out_of_range(&self) -> usize {
         self.rays.out_of_range + self.picture_out_of_range
     }
 
-    /// The worst that is wrong.
+    /// Returns the worst fault of the method that its own definition does not permit.
     pub fn status(&self) -> Status {
         if self.non_finite() > 0 {
             Status::Nan
         } else if self.out_of_range() > 0 && self.curve != Curve::Rings {
             Status::OutOfRange
         } else if self.rays.monotone_violations > 0 && self.curve == Curve::Falls {
-            // What a method may do by its own definition is counted and said all the same.
+            // Increases that the method's definition permits are counted and reported, but are not a fault.
             Status::NotMonotone
         } else if self.check.satisfied() == Some(false) {
             Status::BoundExceeded
@@ -105,7 +107,7 @@ impl Findings {
         }
     }
 
-    /// Descriptions of all faults found, worst first; empty where there are none.
+    /// Returns descriptions of all numerical faults found, worst first. Empty if there are none.
     pub fn complaints(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let mut count = |n: usize, what: &str| {
@@ -145,7 +147,7 @@ mod tests {
     const BOUND: Bound =
         Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
-    /// Findings of one ray with the exact curve `exp(-z)` at depths 0, 1, 2, 3.
+    /// Findings on given transmittances of one light ray at depths 0, 1, 2, 3, with the exact curve `exp(-z)`.
     fn of(values: [f32; 4], bound: Option<Bound>) -> Findings {
         let depths = [0.0, 1.0, 2.0, 3.0];
         let check = BoundReport::of_ray(0, &|z: f64| (-z).exp(), &depths, &values, bound, |_| None);

@@ -1,9 +1,14 @@
-//! Stiff and extreme cases, every method on each, with the exact curve beside it.
+//! Stability suite: runs every shadow method on extreme and ill-conditioned cases and compares it with the exact
+//! transmittance.
 //!
-//! A case (`cases`) is a small volume, a transfer function, some lights and settings that are put over those of the
-//! methods. Every method is built, queried along light rays through texel centres, and drawn as a small picture.
-//! `judge` finds values that are not finite or outside `[0, 1]`, transmittance that rises with depth (between depths that
-//! float32 can tell apart), and violations of the error bound. The error of methods without a bound is only reported. Time and bytes are set beside those of the same method on the ordinary case.
+//! A case (`cases`) has a small volume, a transfer function, some lights, and settings that override those of the
+//! methods. Every method is built, queried along light rays through texel centres, and rendered as a small picture.
+//!
+//! `judge` finds numerical faults: values that are not finite or outside `[0, 1]`, violations of the error bound, and
+//! transmittance that increases with depth. Increases count only between depths that float32 can distinguish. For
+//! methods without a bound, the error is only reported.
+//!
+//! Time and memory are compared with those of the same method on the ordinary case.
 
 mod cases;
 mod fields;
@@ -25,33 +30,37 @@ use crate::shadow::{LightSpace, Method, MethodSpec, ShadowMap};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
-/// Light rays of a case, light and method, and depths on each.
+/// Number of light rays tested for each stability case, light and method; `DEPTHS` is the number of depths on each.
 const RAYS: usize = 48;
 const DEPTHS: usize = 96;
-/// Texels a side among which rays are picked.
+/// Number of texels per side of the grid from which tested light rays are chosen.
 const CANDIDATES: u32 = 64;
-/// Size of the pictures.
+/// Width and height of the pictures in stability tests, pixels.
 const PICTURE: [u32; 2] = [32, 24];
-/// Depth tolerance used to place test depths around jumps, in smallest spacings, where the error bound has none.
+/// Depth tolerance for placing test depths around jumps for methods without an error bound, in units of the smallest
+/// voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Ratio to the time or bytes of the ordinary case from which a note is written.
+/// Ratio of a method's time or memory to that on the ordinary stability case, from which on a note is written.
 const DEAR: f64 = 20.0;
-/// Times below this are mostly the submission's, ms.
+/// Smallest time used as a baseline, ms. Shorter times consist mostly of command submission.
 const LEAST_MS: f64 = 1.0;
 
-/// Rises of a map: float32 texel coordinates of points of one ray differ by up to 1e-5 of a texel and so weigh in
-/// neighbours.
+/// Tolerance for transmittance that increases with depth, for methods with a shadow map. Float32 texel coordinates
+/// along a ray vary by up to 1e-5 texel, so that interpolation mixes in neighbours.
 const MAP_RISE: f64 = 1e-4;
-/// Rises of shadow rays: each is a sum of other pieces, and may be off by the error bound of the method (1e-3).
+/// Tolerance for transmittance that increases with depth, for methods that march shadow rays. Each query integrates
+/// different segments, with an error of up to 1e-3 (the method's error bound).
 const RAYS_RISE: f64 = 2e-3;
-/// Transmittance is a mean of stored values or the exponential of a sum of terms >= 0: rounding of 1 alone.
+/// Tolerance for transmittance outside `[0, 1]`. It covers float32 rounding only, since methods average stored values
+/// or take the exponential of a nonpositive sum.
 const RANGE: f64 = 1e-6;
 
-/// Share of the volume's diagonal by which depths must be apart to be distinct: float32 coordinates and their sums are
-/// off by a few 1e-7 of it, and where extinction is 1e4 per mm and more, that is a rise of transmittance.
+/// Smallest distance between depths that count as distinct, as a fraction of the volume's diagonal. Float32
+/// coordinates have errors of a few 1e-7 of the diagonal, which increases transmittance visibly where the extinction
+/// is 1e4 per mm or more.
 const DEPTHS_APART: f64 = 1e-6;
 
-/// Time and memory that a method took on a case.
+/// Time and memory that a shadow method needs on a stability case.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Cost {
     build_ms: f64,
@@ -72,7 +81,7 @@ impl Cost {
         Self { build_ms, frame_ms, ..self }
     }
 
-    /// Ratios of the costs to those of the ordinary case, with names, where they are [`DEAR`] or more.
+    /// Returns the cost ratios to the ordinary stability case that reach [`DEAR`], each with the name of the cost.
     fn dear_beside(self, ordinary: Self) -> Vec<(f64, &'static str)> {
         let time = |here: f64, there: f64| here / there.max(LEAST_MS);
         let mut found = vec![
@@ -87,11 +96,12 @@ impl Cost {
     }
 }
 
-/// Runs the picked cases with every method: a row for each case and method that the case concerns. What fails becomes a
-/// row; the others go on. `next` is called with the name of the next case.
+/// Runs the chosen stability cases with every shadow method. Returns a row for each case and method to which the case
+/// applies. A failure becomes a row, and the others continue. `next` is called with the name of each case before it
+/// starts.
 ///
 /// # Errors
-/// Settings that are refused.
+/// A method rejects its settings.
 pub fn run(
     renderer: &Arc<Renderer>,
     methods: &[MethodSpec],
@@ -102,7 +112,7 @@ pub fn run(
     let plain = methods.iter().map(MethodSpec::method).collect::<Result<Vec<_>>>()?;
     next("what is ordinary");
     let outcomes = measure(renderer, ordinary, &plain);
-    // A method that fails on the ordinary case has nothing to be compared with.
+    // A method that fails on the ordinary case has no baseline.
     let costs: Vec<_> = outcomes.into_iter().map(|o| o.ok().map(|(_, cost)| cost)).collect();
     let mut rows = Vec::new();
     for case in cases {
@@ -122,7 +132,8 @@ pub fn run(
     Ok(rows)
 }
 
-/// A method with those of a case's settings put over its own that it can have; nothing where the case does not concern it.
+/// Returns a method with those settings of a stability case that the method has. Returns `None` where the case does
+/// not apply to the method.
 fn put_over(method: &MethodSpec, case: &Case) -> Option<MethodSpec> {
     let mut spec = method.clone();
     for (key, value) in &case.settings {
@@ -176,10 +187,10 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
     }
 }
 
-/// Findings by light, and the largest cost over the lights.
+/// Findings on a method for each light of a stability case, and its largest cost over the lights.
 type Outcome = Result<(Vec<(String, Findings)>, Cost)>;
 
-/// Every method on a case.
+/// Measures every shadow method on a stability case.
 fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -> Vec<Outcome> {
     let session = match Session::on(renderer, Arc::clone(&case.volume), &case.tf, DisabledOptimizations::NONE)
     {
@@ -222,7 +233,7 @@ impl Lit<'_> {
                 Cost { build_ms: report.build_ms(), frame_ms: picture.span.best().0, bytes: report.bytes };
             Ok((shadow, picture, cost))
         };
-        // What comes first pays for the driver's own preparations.
+        // The first picture includes the driver's own preparations.
         let (_, _, first) = draw()?;
         let (shadow, picture, second) = draw()?;
         let mut found = self.query_rays(method, &shadow)?;
@@ -230,7 +241,7 @@ impl Lit<'_> {
         Ok((found, second.smaller_times(first)))
     }
 
-    /// Transmittance along light rays.
+    /// Tests the transmittance of a method along light rays on a stability case.
     fn query_rays(&self, method: &dyn Method, shadow: &ShadowMap) -> Result<Findings> {
         let test = RayTest {
             texels: &self.texels(&shadow.light_space),
@@ -251,7 +262,8 @@ impl Lit<'_> {
         Ok(Findings { check, bound: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
     }
 
-    /// The middle of the map and texels spread over what the light meets.
+    /// Chooses the shadow map texels to test: the middle of the map, and texels spread over the light rays that meet
+    /// extinction.
     fn texels(&self, space: &LightSpace) -> Vec<[u32; 2]> {
         let candidates = space.map_size.min(CANDIDATES);
         let stride = space.map_size / candidates;
@@ -288,7 +300,7 @@ mod tests {
         );
         assert_eq!(over("bom", "step-too-long").unwrap(), "bom:layers=15,ratio=0.5,march=samples,step=8");
         assert_eq!(over("none", "comb").unwrap(), "none");
-        // Every setting of every case is one that the methods take.
+        // Methods accept every setting of every case.
         for case in &cases {
             for method in METHODS {
                 if let Some(spec) = put_over(&MethodSpec::default_of(method), case) {
@@ -303,7 +315,7 @@ mod tests {
         let ordinary = Cost { build_ms: 0.5, frame_ms: 10.0, bytes: 100 };
         let said = |cost: Cost| cost.dear_beside(ordinary).iter().map(|d| d.1).collect::<Vec<_>>();
         assert_eq!(said(ordinary), [""; 0]);
-        // Half a millisecond counts as one.
+        // A baseline of half a millisecond counts as one millisecond.
         assert_eq!(said(Cost { build_ms: 19.0, ..ordinary }), [""; 0]);
         assert_eq!(said(Cost { build_ms: 21.0, bytes: 2000, ..ordinary }), ["time to build", "bytes"]);
         assert_eq!(Cost { frame_ms: 250.0, ..ordinary }.dear_beside(ordinary), [(25.0, "time to draw")]);

@@ -1,4 +1,4 @@
-//! The stability table and its summary.
+//! Table of the stability suite and its Markdown summary.
 
 use super::judge::Status;
 use crate::report::markdown::{Align, aligned_table};
@@ -6,43 +6,44 @@ use itertools::Itertools as _;
 use serde::Serialize;
 use std::collections::HashMap;
 
-/// One case and method; the fields are the columns, in order. Where a case has several lights,
-/// counts are their sums, and errors and costs those of the worst.
+/// Row of `stability.csv`: one shadow method on one stability case. The fields are the columns, in order. With
+/// several lights, counts are sums over the lights, and errors and costs are the largest.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
-    /// Name of the case.
+    /// Name of the stability case.
     pub case: String,
-    /// Name of the method.
+    /// Name of the shadow method.
     pub method: String,
-    /// `key=value` texts separated by spaces.
+    /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// The worst fault.
+    /// Worst numerical fault of the method on the stability case, or `ok`.
     pub status: Status,
-    /// Largest `|T_method - T_exact|` along light rays.
+    /// Largest transmittance error `|T_method - T_exact|` along light rays.
     pub ray_err_max: Option<f64>,
-    /// Error bound of transmittance along light rays, besides `bound_depth_mm` of depth.
+    /// Error bound of the method on light rays: tolerance in transmittance. The bound also has a tolerance in depth,
+    /// which this table does not list.
     pub bound: Option<f64>,
-    /// Depths at which transmittance rises.
+    /// Number of tested depths at which transmittance increases along a light ray.
     pub monotone_violations: Option<usize>,
-    /// Finite values outside `[0, 1]`.
+    /// Number of finite transmittances and picture channels outside `[0, 1]`.
     pub out_of_range: Option<usize>,
-    /// Values that are not finite.
+    /// Number of transmittances and picture channels that are NaN or infinite.
     pub non_finite: Option<usize>,
-    /// Time to make the shadow structure, ms.
+    /// Time to build the shadow map, ms.
     pub build_ms: Option<f64>,
-    /// Memory of the shadow structure.
+    /// Memory of the shadow map, bytes.
     pub bytes: Option<u64>,
-    /// Remarks on faults, and on costs far above the ordinary.
+    /// Descriptions of numerical faults, and of times or memory far above those of the ordinary case.
     pub note: String,
 }
 
-/// Glyph of a cell whose method the case does not concern.
+/// Symbol for a method to which a stability case does not apply, in the summary.
 const ABSENT: char = '·';
 
-/// Cases by methods, one glyph a cell, and every remark below. A method that stands in several settings has a column for
-/// each, in the order given.
+/// Writes the stability summary in Markdown: cases by methods, one symbol per cell, and all notes below. A method
+/// with several settings has a column for each, in the given order.
 pub fn markdown(rows: &[Row]) -> String {
-    // Settings differ from case to case; a method's n-th row of a case is its n-th column.
+    // Settings differ between cases, so the n-th row of a method on a case goes to its n-th column.
     let mut cells: HashMap<(&str, (&str, usize)), Status> = HashMap::new();
     let mut columns: Vec<(&str, usize)> = Vec::new();
     for row in rows {
@@ -78,7 +79,7 @@ pub fn markdown(rows: &[Row]) -> String {
     out
 }
 
-/// `312 rows: 310 ok, 2 bound_exceeded`.
+/// Returns the number of stability rows by status, such as `312 rows: 310 ok, 2 bound_exceeded`.
 pub fn counted(rows: &[Row]) -> String {
     let count = |status: Status| rows.iter().filter(|r| r.status == status).count();
     let counts: Vec<_> = Status::ALL

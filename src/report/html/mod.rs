@@ -1,8 +1,7 @@
-//! `report.html`: a comparison as one file that needs nothing else, neither network nor other files.
+//! Writes the HTML report `report.html` of a comparison as one file that needs neither network nor other files.
 //!
-//! Plots are inline SVG, pictures are PNG data URIs, and the few lines of script that sort the table are written here;
-//! a content security policy forbids the rest. It is generic over the columns of [`Row`]: what the table gains, the
-//! report shows.
+//! Plots are inline SVG, pictures are PNG data URIs, and a short script sorts the table; a content security policy
+//! forbids anything else. The report shows all columns of [`Row`], new ones included.
 
 mod rows;
 
@@ -25,36 +24,36 @@ const SCRIPT: &str = include_str!("report.js");
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// Row with its pictures as PNG files.
+/// Row of the comparison table with its pictures as PNG files, for the HTML report.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
-    /// Table row of the method and setting.
+    /// Row of the comparison table: one shadow method with one setting.
     pub row: Row,
-    /// Picture rendered by the method.
+    /// PNG file of the picture drawn with the shadow method of this table row.
     pub picture_png: Option<Vec<u8>>,
-    /// Errors of the picture in false colour, with a legend.
+    /// PNG file of the picture's differences from the reference picture in false colour, with a colour bar.
     pub error_png: Option<Vec<u8>>,
-    /// Nodes by texel, of a deep shadow map.
+    /// Number of curve nodes in each texel of the deep shadow map; `None` for other shadow methods.
     pub nodes: Option<NodeMap>,
 }
 
-/// Title, measurement conditions, picture caption and notes of the report.
+/// Title, measurement conditions, caption of the error images and notes of the HTML report.
 #[derive(Debug, Clone, Default)]
 pub struct Conditions {
-    /// Heading of the page.
+    /// Heading of the HTML report.
     pub title: String,
-    /// Names and values: adapter, light, repeats.
+    /// Names and values of the measurement conditions, such as adapter, light and number of repeats.
     pub facts: Vec<(String, String)>,
-    /// Caption of the error pictures.
+    /// Caption below the false-colour error images of the HTML report.
     pub error_caption: String,
-    /// Notes on the measurement, and failures.
+    /// Notes of the HTML report on the measurement, and its failures.
     pub notes: Vec<String>,
 }
 
-/// The report as an HTML document.
+/// Returns the HTML report of a comparison as the text of one document.
 ///
 /// # Errors
-/// A picture that cannot be encoded.
+/// A picture cannot be encoded.
 pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
     let Conditions { title, facts, error_caption, notes } = conditions;
     let rows: Vec<Row> = pictured.iter().map(|p| p.row.clone()).collect();
@@ -97,22 +96,22 @@ pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
     Ok(document.into_string() + "\n")
 }
 
-/// Writes the report, whole or not at all.
+/// Writes the HTML report of a comparison to a file; the file appears only when it is complete.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// The file cannot be written, or a picture cannot be encoded.
 pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path) -> Result<()> {
     let text = html(conditions, pictured)?;
     write_whole(path, |file| file.write_all(text.as_bytes()))
 }
 
-/// Hardware and program of the rows, in one line.
+/// Graphics adapters and picture sizes of the table rows, in one line of text.
 fn about(rows: &[Row]) -> String {
     let words = |row: &Row| [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)];
     rows.iter().flat_map(words).unique().join(" · ")
 }
 
-/// Plots of error against time and against memory, for each scene and adapter.
+/// Plots of error against time and against memory for the HTML report, one pair for each scene and adapter.
 fn plots(rows: &[Row]) -> Markup {
     let of = |wanted| rows.iter().filter(|r| r.group() == wanted).cloned().collect::<Vec<_>>();
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
@@ -131,7 +130,7 @@ fn plots(rows: &[Row]) -> Markup {
     }
 }
 
-/// A row's picture, its error, and its nodes.
+/// HTML section of one table row: its picture, error image, and figures of the deep shadow map's curve nodes.
 fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<Markup> {
     let Pictured { row, picture_png, error_png, nodes } = pictured;
     let name = name(row);
@@ -164,9 +163,9 @@ fn figure(content: Markup, caption: &str) -> Markup {
     html! { figure { (content) @if !caption.is_empty() { figcaption { (caption) } } } }
 }
 
-/// A PNG file as an image of its own size.
+/// HTML `img` element of a PNG file at the file's own size; `about` is the alternative text.
 fn image(png: &[u8], about: &str) -> Markup {
-    // Width and height keep the page from jumping; they are where every PNG file has them.
+    // Width and height avoid layout shifts; the PNG header has them at bytes 16 and 20.
     let side = |at: usize| png.get(at..at + 4).map(|b| b.iter().fold(0_u32, |n, &b| n << 8 | u32::from(b)));
     html! {
         img src={ "data:image/png;base64," (BASE64_STANDARD.encode(png)) } alt=(about) width=[side(16)] height=[side(20)];
@@ -219,7 +218,7 @@ mod tests {
             }
         }
         assert!(!text.contains("@import") && !text.contains("url("));
-        // The one address is the name of SVG's vocabulary.
+        // The only address is the XML namespace of SVG.
         assert_eq!(text.matches("://").count(), text.matches("xmlns=\"http://www.w3.org/2000/svg\"").count());
     }
 

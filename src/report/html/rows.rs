@@ -1,13 +1,13 @@
-//! The sortable table: every column of the rows.
+//! Sortable comparison table of the HTML report, with every column.
 
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use crate::report::number::{near_one, significant};
 use maud::{Markup, html};
 
-/// Texts longer than this are shown in a box of a few lines, which scrolls.
+/// Length in bytes above which the text of a table cell is shown in a small scrollable box.
 const LONG_TEXT: usize = 40;
 
-/// Columns that are visible at first, besides the row's name: times, memory, errors and the error bound.
+/// Columns of the HTML table that are visible at first: times, memory, errors and the error bound.
 const MAIN: &[&str] = &[
     "scene",
     "adapter",
@@ -25,17 +25,17 @@ const MAIN: &[&str] = &[
     "pareto",
     "status",
 ];
-/// Columns of [`MAIN`] that are visible at first only where rows differ in them.
+/// Columns of the HTML table that are visible at first only if their values differ between table rows.
 const WHERE_DIFFERENT: &[&str] = &["scene", "adapter", "status"];
 
-/// Method and setting as a reader names it, with the map's size.
+/// Name of a table row for a reader: shadow method, settings, and side length of the shadow map.
 pub fn name(row: &Row) -> String {
     let map = row.map.map_or(String::new(), |map| format!("map={map}"));
     let words = [row.method.as_str(), &row.params, &map];
     words.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// The section with the table; its first column names the row and leads to its pictures.
+/// HTML section with the sortable comparison table. The first column names the table row and links to its pictures.
 pub fn table(rows: &[Row]) -> Markup {
     let cells: Vec<Vec<Cell>> = rows.iter().map(Row::cells).collect();
     let columns: Vec<HtmlColumn> = (0..COLUMNS.len()).map(|i| HtmlColumn::of(i, &cells)).collect();
@@ -73,12 +73,12 @@ pub fn table(rows: &[Row]) -> Markup {
     }
 }
 
-/// Appearance of a column.
+/// Appearance of one column in the HTML table.
 struct HtmlColumn {
     column: &'static Column,
-    /// `number` or `text`.
+    /// Kind of values in a column of the HTML table: `number` or `text`.
     kind: &'static str,
-    /// Whether the column is hidden at first.
+    /// Whether the column of the HTML table is hidden at first.
     minor: bool,
 }
 
@@ -94,7 +94,7 @@ impl HtmlColumn {
         Self { column, kind: if number { "number" } else { "text" }, minor }
     }
 
-    /// CSS classes of the column's cells.
+    /// CSS classes of the cells of one column in the HTML table.
     fn classes(&self, more: &str) -> String {
         let minor = if self.minor { " minor" } else { "" };
         format!("{}{minor}{more}", self.kind)
@@ -118,7 +118,7 @@ impl HtmlColumn {
             (_, Cell::Text(text)) if text.len() > LONG_TEXT => " long",
             _ => "",
         };
-        // What the script's `Number` reads; a column of text sorts as text.
+        // Value that JavaScript's `Number` can parse; text columns sort as text.
         let value = match cell {
             Cell::Real(x) if x.is_infinite() => if *x > 0.0 { "Infinity" } else { "-Infinity" }.to_string(),
             other => other.to_string(),
@@ -139,12 +139,12 @@ impl HtmlColumn {
     }
 }
 
-/// A column's name in words, without its unit: `frame_ms_min` is `frame min`.
+/// Name of a table column in words, without its unit: `frame_ms_min` becomes `frame min`.
 fn words(column: &Column) -> String {
     column.name.split('_').filter(|word| *word != column.unit).collect::<Vec<_>>().join(" ")
 }
 
-/// Thousands separated by narrow spaces that do not break.
+/// Formats an integer with narrow no-break spaces between thousands.
 fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();

@@ -1,4 +1,4 @@
-//! Files of a comparison besides its tables and report: plots, pictures and ablation tables.
+//! Writes the plots, difference images, figures of all pictures and ablation tables of a comparison.
 
 use super::super::ablation;
 use super::super::grid::{self, GridCell};
@@ -20,10 +20,10 @@ use ndarray::Array2;
 use ndarray_npy::WriteNpyExt;
 use std::path::{Path, PathBuf};
 
-/// Legend title of the heat maps of differences.
+/// Title of the colour bar of difference images: absolute difference from the picture by shadow rays.
 pub const DIFFERENCE: &str = "|difference| from rays, linear RGBA";
 
-/// Error against time and against bytes, a drawing of each a scene and adapter; returns the paths.
+/// Writes the plots of error against time and against memory for each scene and adapter; returns their paths.
 pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for wanted in rows.iter().map(Row::group).unique() {
@@ -35,12 +35,12 @@ pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<P
     Ok(paths)
 }
 
-/// The end of the scale of a group's differences: one for all of its rows, but for those without shadows, which would
-/// leave the others black.
+/// Returns the common upper end of the colour bar for all difference images of one scene and adapter. It ignores the
+/// picture without shadows, whose large differences would make all other images black.
 pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone) -> f32 {
     let largest = |c: &Compared| c.difference.as_ref().map(round_max);
     let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name()).filter_map(largest);
-    // `round_max` of nothing wrong is 1, which is no scale to show others on.
+    // `round_max` of an all-zero difference is 1, which is too large a scale for other pictures.
     let largest_below_1 =
         |scales: &mut dyn Iterator<Item = f32>| scales.filter(|s| *s < 1.0).reduce(f32::max);
     largest_below_1(&mut shadowed.into_iter())
@@ -48,9 +48,9 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
         .unwrap_or(1.0)
 }
 
-/// Writes where each row's picture differs from that by `rays`, the nodes of its texels, all pictures of a scene with
-/// their differences beside each other on one scale, `grid_pt` points wide, and `pictures.md`, which shows them; returns the paths, with those of
-/// the pictures, which the journal has written.
+/// Writes the difference images, the curve nodes of deep shadow maps, the figure of all pictures (`grid_pt` points
+/// wide), and `pictures.md`, which shows them. Returns the paths, including those of the pictures that the journal
+/// has already written.
 pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<PathBuf>> {
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
@@ -117,7 +117,7 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
     Ok(paths)
 }
 
-/// Nodes by texel, -1 where the tile is left out.
+/// Converts a node map of a deep shadow map to one integer array: curve nodes per texel, -1 in skipped tiles.
 fn signed(map: &NodeMap) -> Array2<i32> {
     let side = TILE as usize;
     Array2::from_shape_fn(map.nodes.dim(), |(row, column)| match map.stored[[row / side, column / side]] {
@@ -126,7 +126,7 @@ fn signed(map: &NodeMap) -> Array2<i32> {
     })
 }
 
-/// Node map from its signed form, the inverse of [`signed`].
+/// Restores the node map of a deep shadow map from its integer array: curve nodes per texel, -1 in skipped tiles.
 pub fn node_map(signed: &Array2<i32>) -> NodeMap {
     let (rows, columns) = signed.dim();
     let side = TILE as usize;
@@ -136,7 +136,7 @@ pub fn node_map(signed: &Array2<i32>) -> NodeMap {
     NodeMap { nodes: signed.mapv(|n| n.max(0) as u32), stored }
 }
 
-/// Writes what omissions are worth: every column as CSV and JSON, and a table for reading; returns the paths.
+/// Writes the ablation tables (cost of each optimization) as CSV, JSON and Markdown; returns their paths.
 pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<Vec<PathBuf>> {
     let markdown = ablation::markdown(rows).into_bytes();
     let files = [

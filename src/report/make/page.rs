@@ -1,4 +1,4 @@
-//! `report.html`: what the report needs beyond the rows.
+//! Collects the pictures and measurement conditions for the HTML report `report.html` and writes it.
 
 use super::super::heat::heat_map_png;
 use super::super::html::{Conditions, Pictured, write_report};
@@ -12,10 +12,10 @@ use crate::scene::LightSource;
 use itertools::Itertools as _;
 use std::path::{Path, PathBuf};
 
-/// Writes the report into a folder and gives its path.
+/// Writes the HTML report `report.html` of a comparison into a folder and returns its path.
 ///
 /// # Errors
-/// A picture that cannot be encoded, or a file that cannot be written.
+/// A picture cannot be encoded, or a file cannot be written.
 pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
     let all = &made.comparison.compared;
     let scale = |wanted| scale_of(all.iter().filter(|c| c.row.group() == wanted));
@@ -49,7 +49,8 @@ pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Names and values of the report's program conditions: adapter, threads, effort and revision.
+/// Measurement conditions of the program for the HTML report, as names and values: adapter, threads, number of
+/// samples and revision.
 pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     let effort = job.effort;
     let info = &job.session.renderer.gpu().info;
@@ -67,7 +68,8 @@ pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     facts.map(|(name, value)| (name.to_string(), value)).into()
 }
 
-/// Names and values of a scene's conditions: volume, transfer function, picture size, lights and camera.
+/// Measurement conditions of one scene for the HTML report, as names and values: volume, transfer function, picture
+/// size, lights and camera.
 pub fn scene_conditions(job: &Job) -> [(&'static str, String); 7] {
     let scene = job.scene;
     let camera = &scene.camera;

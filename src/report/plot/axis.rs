@@ -1,9 +1,10 @@
-//! Axes with ticks that read well whatever the span, and their drawing.
+//! Plot axes with tick marks, for linear and logarithmic scales.
 
 use super::page::{GRID, SMALL, TEXT};
 use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, text_width};
 
-/// Axis from `low` at place `from` to `high` at place `to`; on a logarithmic axis these two are powers of ten.
+/// Plot axis that maps values from `low` to `high` to page positions from `from` to `to`. On a logarithmic axis,
+/// `low` and `high` are base-10 logarithms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     pub low: f64,
@@ -14,49 +15,49 @@ pub struct Axis {
     pub ticks: Vec<Tick>,
 }
 
-/// Notation of the numbers on a logarithmic axis.
+/// Notation of the numbers at the ticks of a logarithmic axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notation {
-    /// Decimal numbers, or powers of ten if some number is long.
+    /// Decimal numbers at the ticks of a logarithmic axis, or powers of ten if a decimal number would be long.
     Plain,
-    /// Powers of ten only.
+    /// Powers of ten at all labelled ticks of a logarithmic axis.
     Powers,
 }
 
-/// A mark on an axis.
+/// Tick mark on a plot axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
     pub value: f64,
-    /// Text, and a power to raise behind it; none for a minor tick.
+    /// Label of a tick mark: a text and an optional exponent drawn as a superscript. `None` for a minor tick.
     pub label: Option<(String, Option<i32>)>,
 }
 
 impl Axis {
-    /// Logarithmic axis around all `values` (positive) with some air, over at least a factor of 8.
+    /// Creates a logarithmic axis for positive values, with a margin at both ends; it spans at least a factor of 8.
     pub fn log(values: impl Iterator<Item = f64>, from: f64, to: f64, notation: Notation) -> Self {
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v.log10()), h.max(v.log10())));
-        // Nothing to show on this axis: any decade will do.
+        // Without values, the axis shows an arbitrary decade.
         let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
         let air = (0.07 * (high - low)).max(0.5 * (8_f64.log10() - (high - low)));
         let (low, high) = (low - air, high + air);
         Self { low, high, from, to, logarithmic: true, ticks: log_ticks(low, high, notation) }
     }
 
-    /// Linear axis with at most `most` ticks; `low` must be less than `high`, both finite.
+    /// Creates a linear axis with at most `most` ticks; `low` must be less than `high`, both finite.
     pub fn linear([low, high]: [f64; 2], from: f64, to: f64, most: usize) -> Self {
         Self { low, high, from, to, logarithmic: false, ticks: linear_ticks(low, high, most) }
     }
 
-    /// Place of a value.
+    /// Returns the position of a value along a plot axis, in page coordinates (points).
     pub fn place(&self, value: f64) -> f64 {
         let value = if self.logarithmic { value.log10() } else { value };
         self.from + (self.to - self.from) * (value - self.low) / (self.high - self.low)
     }
 }
 
-/// Ticks at the powers of ten (of 100, ... on very long axes); on short axes 2 and 5 are labelled too, in
-/// between are minor ones.
+/// Ticks of a logarithmic axis, labelled at powers of ten. Very long axes have fewer labels; short axes have more,
+/// for example at 2 and 5.
 fn log_ticks(low: f64, high: f64, notation: Notation) -> Vec<Tick> {
     let span = high - low;
     let labelled: &[i32] = match span {
@@ -74,7 +75,7 @@ fn log_ticks(low: f64, high: f64, notation: Notation) -> Vec<Tick> {
         (low..=high).contains(&at)
     });
     let has_label = |m: i32, e: i32| labelled.contains(&m) && e % stride == 0;
-    // One way of writing on an axis, not a mixture.
+    // All labels of one axis use one notation.
     let plain = notation == Notation::Plain
         && ticks.iter().filter(|(m, e)| has_label(*m, *e)).all(|(_, e)| (-2..=4).contains(e));
     ticks
@@ -90,7 +91,7 @@ fn log_ticks(low: f64, high: f64, notation: Notation) -> Vec<Tick> {
         .collect()
 }
 
-/// Ticks at multiples of 1, 2 or 5 times a power of ten, all labelled to the same digits.
+/// Ticks of a linear axis at multiples of 1, 2 or 5 times a power of ten, all labelled with equally many digits.
 fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let span = high - low;
     let steps = (-300..=300).flat_map(|e| [1.0, 2.0, 5.0].map(|m| (m, e)));
@@ -102,13 +103,13 @@ fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
         -4..=5 => format!("{value:.*}", (-exponent).max(0) as usize),
         _ => format!("{value:.0e}"),
     };
-    // Multiples of whole numbers, so that zero is zero.
+    // Integer multiples of the step, so that 0 is exact.
     let tick = |i: i64| Tick { value: i as f64 * step, label: Some((label(i as f64 * step), None)) };
     (first..=last).map(tick).collect()
 }
 
-/// Draws the frame of a plot with grid lines, ticks, their labels and the titles of both axes. Where the horizontal axis has
-/// no title, its ticks have no labels.
+/// Draws the frame of a plot with grid lines, ticks, tick labels and the titles of both axes. A horizontal axis
+/// without a title has no tick labels.
 pub fn draw_axes(drawing: &mut Drawing, frame: Rect, [x, y]: [&Axis; 2], [x_title, y_title]: [&str; 2]) {
     let Rect { left, top, right, .. } = frame;
     let length = |tick: &Tick| if tick.label.is_some() { 7.0 } else { 4.0 };
@@ -134,14 +135,15 @@ pub fn draw_axes(drawing: &mut Drawing, frame: Rect, [x, y]: [&Axis; 2], [x_titl
     axis_titles(drawing, frame, [x_title, y_title]);
 }
 
-/// Titles below and to the left of a frame.
+/// Draws the titles of both axes, below and to the left of a plot frame.
 pub fn axis_titles(drawing: &mut Drawing, frame: Rect, [x_title, y_title]: [&str; 2]) {
     let Point(x, y) = frame.middle();
     drawing.text(Point(x, frame.bottom + 44.0), Anchor::Middle, TEXT, BLACK, x_title);
     drawing.rotated_text(Point(frame.left - 77.0, y), TEXT, BLACK, y_title);
 }
 
-/// `base` with a raised power; text in SVG has no portable superscript, so it is a second text.
+/// Draws the label of a tick mark: `base` with an optional exponent as a superscript. The exponent is a separate
+/// text, since SVG has no portable superscript.
 pub fn tick_label(drawing: &mut Drawing, at: Point, anchor: Anchor, base: &str, power: Option<i32>) {
     let [base, raised] =
         [base.to_owned(), power.map_or(String::new(), |p| p.to_string())].map(|t| t.replace('-', "−"));

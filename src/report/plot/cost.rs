@@ -1,13 +1,14 @@
-//! Cost on the horizontal axis of the error plots: time or memory.
+//! Cost of a shadow method on the horizontal axis of the error plots: time or memory.
 
 use crate::measure::table::Row;
 
-/// Quantity on the horizontal axis of an error plot.
+/// Cost of a shadow method that an error plot shows on its horizontal axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cost {
-    /// `build_ms + frame_ms`.
+    /// Time to build the shadow map and draw one picture, `build_ms + frame_ms`, ms.
     Time,
-    /// Memory of the shadow structure. What stores none has no place on a logarithmic axis and is not drawn.
+    /// Memory of the shadow map, MiB. Shadow methods that store no shadow map are not drawn, since the axis is
+    /// logarithmic.
     Memory,
 }
 
@@ -26,7 +27,8 @@ impl Cost {
         }
     }
 
-    /// Median, smallest and largest; nothing where it is unknown, or not positive.
+    /// Median, smallest and largest cost (time in ms or memory in MiB) of a row of the comparison table; `None` if
+    /// the cost is unknown or not positive.
     pub fn of(self, row: &Row) -> Option<[f64; 3]> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
         if self == Self::Memory {

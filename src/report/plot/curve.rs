@@ -1,7 +1,7 @@
-//! Transmittance against depth along one light ray, and its error: one drawing, as PNG and SVG.
+//! Plot of transmittance against depth along one light ray, and of the error of each shadow method.
 //!
-//! The exact curve is a broad grey line with the methods over it, in the colours and markers that they have in every
-//! figure; settings of one method differ in their dashes.
+//! The exact curve is a broad grey line below the curves of the shadow methods, which have the same colours and
+//! markers as in other plots. Several settings of one method differ in their dash patterns.
 
 use super::axis::{Axis, draw_axes};
 use super::page::{GREY, SMALL, TEXT, TITLE, shorten};
@@ -13,43 +13,44 @@ use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, text_
 const WIDTH: f64 = 1000.0;
 const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };
 const ERRORS: Rect = Rect { left: 96.0, top: 426.0, right: 976.0, bottom: 586.0 };
-/// Top of the legend and height of its lines.
+/// Vertical position of the legend below the plot of transmittance along a light ray, points.
 const LEGEND_TOP: f64 = 666.0;
 const LEGEND_LINE: f64 = 26.0;
 const EXACT: Rgb = [178, 178, 178];
 const EXACT_WIDTH: f64 = 6.0;
 const LINE_WIDTH: f64 = 1.7;
-/// Number of markers on each line.
+/// Number of markers on each curve in the plot of transmittance along a light ray.
 const MARKERS: usize = 5;
-/// Changes of transmittance that are too small to see.
+/// Largest change of transmittance that is too small to see in the plot of transmittance along a light ray.
 const LEVEL: f64 = 5e-4;
-/// The error axis reaches at least so far.
+/// Smallest range of the error axis to either side of 0, in the plot of transmittance along a light ray.
 const SMALLEST_ERROR: f64 = 1e-4;
-/// Length of a line in the legend.
+/// Length of a sample line in the legend of the plot of transmittance along a light ray, points.
 const SAMPLE: f64 = 44.0;
 
-/// The drawing as an SVG document; `scene` says in a few words what the ray runs through.
+/// Returns the plot of transmittance along a light ray as an SVG document. `scene` describes in a few words the
+/// volume that the ray crosses.
 pub fn curve_svg(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> String {
     figure(curve, methods, scene).svg(None).into_string()
 }
 
-/// The drawing as a PNG file, two pixels a point.
+/// Returns the plot of transmittance along a light ray as a PNG file with two pixels per point.
 ///
 /// # Errors
-/// The encoder's own.
+/// The plot cannot be drawn or encoded.
 pub fn curve_png(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<Vec<u8>> {
     figure(curve, methods, scene).png()
 }
 
-/// The drawing as a PDF file.
+/// Returns the plot of transmittance along a light ray as a PDF file.
 ///
 /// # Errors
-/// The encoder's own.
+/// The plot cannot be drawn or encoded.
 pub fn curve_pdf(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<Vec<u8>> {
     figure(curve, methods, scene).pdf()
 }
 
-/// A method's line.
+/// Name, colour and dash pattern of one shadow method's curve, in the plot of transmittance along a light ray.
 struct Line {
     name: String,
     color: Rgb,
@@ -127,8 +128,8 @@ fn line(methods: &[MethodCurve], index: usize, m: &MethodCurve, families: &[Fami
     Line { name: m.name(methods), color: families[family].color, family, dashes }
 }
 
-/// A line in its dashes with a few markers on it; `phase` in [0, 1) moves them, so that lines that lie over each
-/// other show all theirs.
+/// Draws one curve of a transmittance plot with its dash pattern and a few markers. `phase` in [0, 1) shifts the
+/// markers, so that the markers of coinciding curves do not overlap.
 fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, phase: f64) {
     match line.dashes {
         None => drawing.line(path, LINE_WIDTH, line.color),
@@ -149,7 +150,8 @@ fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, p
     }
 }
 
-/// Depths between which any curve falls, and the point's, with some air; the whole way where nothing happens on it.
+/// Depth range of a transmittance plot, mm: contains every depth where a transmittance curve changes and the depth of
+/// the queried point, with a margin. It is the whole ray if no curve changes.
 fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     let mut changes_mm: Vec<f64> = Vec::new();
     let mut add_changes = |value: &dyn Fn(usize) -> f64| {
@@ -170,7 +172,7 @@ fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     [(low - air).max(0.0), (high + air).min(curve.length_mm)]
 }
 
-/// Around 0, as far as any method strays.
+/// Range of the error axis in a transmittance plot: contains 0 and the errors of all shadow methods, with a margin.
 fn error_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     let errors =
         methods.iter().flat_map(|m| m.transmittance.iter().zip(&curve.exact).map(|(&t, e)| f64::from(t) - e));
@@ -181,7 +183,7 @@ fn error_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     [low - air, high + air]
 }
 
-/// A path without points that lie within a fraction of a point of the one before, except its first and last ones.
+/// Removes points of a plotted path that are very close to the previous point; the first and the last point stay.
 fn thinned(path: impl Iterator<Item = Point>) -> Vec<Point> {
     const FINEST: f64 = 0.12;
     let mut path_points: Vec<Point> = Vec::new();
@@ -203,7 +205,8 @@ fn entry_name(lines: &[Line], entry: usize) -> &str {
     entry.checked_sub(1).map_or("exact", |i| &lines[i].name)
 }
 
-/// Positions of the legend's entries (0 is the exact curve, then the methods), and the number of their lines.
+/// Positions of the legend's entries in a transmittance plot (0 is the exact curve, then the shadow methods), and the
+/// number of text lines.
 fn legend(lines: &[Line]) -> (Vec<(Point, usize)>, usize) {
     const SPACE: f64 = 26.0;
     let width = |entry: usize| SAMPLE + 8.0 + text_width(entry_name(lines, entry), TEXT) + SPACE;

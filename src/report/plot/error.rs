@@ -1,7 +1,8 @@
-//! Error against time and against memory, one point a row.
+//! Plots of transmittance error against time and against memory, one point per row of the comparison table.
 //!
-//! Both axes are logarithmic. Whiskers span the fastest and the slowest repeat; a dashed staircase is the Pareto front of
-//! what is shown. Errors of 0, or below [`ERROR_FLOOR`], lie in a marked strip under the axis.
+//! Both axes are logarithmic. Error bars span the fastest and the slowest timing repeat, and a dashed staircase is
+//! the Pareto front of the plotted points. Errors below [`ERROR_FLOOR`], 0 included, are drawn in a marked strip
+//! below the axis.
 
 use super::axis::{Axis, Notation, axis_titles, draw_axes, tick_label};
 use super::cost::Cost;
@@ -14,7 +15,8 @@ use crate::measure::timing::clock_name;
 use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, WHITE, text_width};
 use itertools::Itertools as _;
 
-/// Errors below this are drawn as "none": it is about the rounding of a float32 transmittance near 1.
+/// Smallest error on the axis of the error plots; smaller errors are drawn in a strip below the axis. It is about the
+/// rounding error of a float32 transmittance near 1.
 pub const ERROR_FLOOR: f64 = 1e-7;
 
 const WIDTH: f64 = 1240.0;
@@ -23,15 +25,16 @@ const PANELS: [Rect; 2] = [
     Rect { left: 96.0, top: 104.0, right: 608.0, bottom: 492.0 },
     Rect { left: 708.0, top: 104.0, right: 1220.0, bottom: 492.0 },
 ];
-/// Height of the strip for errors under the floor.
+/// Height of the strip below the axis for errors smaller than [`ERROR_FLOOR`], points.
 const STRIP: f64 = 30.0;
 const DASHES: [f64; 2] = [6.0, 4.0];
-/// Largest ratio of an SVG viewer's font width to ours at which no labels overlap.
+/// Largest ratio of an SVG viewer's font width to the expected font width at which no labels of plot points overlap.
 const FALLBACK_FONT: f64 = 1.07;
-/// Labels have their method's colour, darkened so that thin letters read well.
+/// Factor that darkens the colour of a shadow method for its plot labels, so that thin letters are readable.
 const LABEL_SHADE: f64 = 0.65;
 
-/// `point_err_rms` and `ray_err_max` against a cost, side by side.
+/// Draws two plots of transmittance error against time or memory, side by side: rms error at visible points
+/// (`point_err_rms`), and largest error along light rays (`ray_err_max`).
 pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, HEIGHT);
     let families = families(rows.iter().filter(|r| cost.of(r).is_some()).map(|r| r.method.as_str()));
@@ -66,7 +69,7 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     drawing
 }
 
-/// Data point of a row; nothing if its cost or error is missing, or the error is not finite.
+/// Returns the plot point of a table row; `None` if its cost or error is missing, or the error is not finite.
 fn datum(
     row: &Row,
     label: &str,
@@ -79,7 +82,7 @@ fn datum(
     Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error })
 }
 
-/// Draws one plot; `axes` are the titles of the horizontal and of the vertical axis.
+/// Draws one plot of error against cost; `axes` are the titles of the horizontal and the vertical axis.
 fn panel(
     drawing: &mut Drawing,
     frame: Rect,
@@ -142,7 +145,7 @@ fn panel(
     }
 }
 
-/// Draws an error bar with a cap at both ends.
+/// Draws an error bar with a cap at both ends: the range of a cost over the timing repeats.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
     drawing.line(&[Point(r.left, middle), Point(r.right, middle)], 1.0, color);
@@ -151,7 +154,8 @@ fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     }
 }
 
-/// Settings beside their points, those of the front first; what finds no free place stays without.
+/// Draws the settings of each shadow method as labels beside the plot points, those on the Pareto front first. Labels
+/// without a free place are omitted.
 fn labels(
     drawing: &mut Drawing,
     frame: Rect,
@@ -169,7 +173,7 @@ fn labels(
             point: at(&data[i]),
             width: FALLBACK_FONT * text_width(&data[i].label, SMALL),
             height: SMALL,
-            // A front row's label may go far to find a place; others would only add to the crowd.
+            // Only labels of Pareto-front rows may be placed far from their point.
             far: front.contains(&i),
         })
         .collect();
@@ -186,7 +190,7 @@ fn labels(
     }
 }
 
-/// One line under the panels: the methods, and what the dashes and the whiskers are.
+/// Draws the legend below the plots: the shadow methods, the dashed Pareto front and the error bars.
 fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     const FRONT: &str = "Pareto front";
     const REPEATS: &str = "fastest to slowest repeat";
@@ -215,7 +219,7 @@ fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
 
-/// The different values of a column, in order of appearance.
+/// Distinct values of a table column, in order of appearance, joined as one text.
 fn distinct<'a>(rows: &'a [Row], column: fn(&'a Row) -> &'a String) -> String {
     let values = rows.iter().map(column).map(String::as_str).filter(|value| !value.is_empty());
     values.unique().join("; ")

@@ -1,18 +1,19 @@
-//! The Pareto front of what a panel shows, and its staircase.
+//! Pareto front of the points in a plot of error against cost, drawn as a staircase line.
 
 use crate::report::canvas::{Point, Rect};
 
-/// Point of a plot: one row in one panel.
+/// Point of a plot of error against cost: one row of the comparison table.
 pub struct Datum {
-    /// Index of the method among those drawn.
+    /// Index of the shadow method among the methods that the plot shows.
     pub family: usize,
     pub label: String,
-    /// Median, smallest and largest cost of the row.
+    /// Median, smallest and largest cost of the plotted table row: time in ms or memory in MiB.
     pub cost: [f64; 3],
     pub error: f64,
 }
 
-/// Rows that no other is at once cheaper than and closer than, by the cost and the error shown, cheapest first.
+/// Indices of the plot points on the Pareto front, cheapest first. No other point is both cheaper and more accurate
+/// than one of them.
 pub fn front(data: &[Datum]) -> Vec<usize> {
     let beaten = |d: &Datum| data.iter().any(|o| o.cost[0] < d.cost[0] && o.error < d.error);
     let mut front: Vec<usize> = (0..data.len()).filter(|&i| !beaten(&data[i])).collect();
@@ -21,7 +22,8 @@ pub fn front(data: &[Datum]) -> Vec<usize> {
     front
 }
 
-/// The border between what some row reaches (above and right) and what none does.
+/// Staircase line along the Pareto front of a plot; every point of the plot lies on the line, above it or to its
+/// right.
 pub fn staircase(frame: Rect, front: &[Point]) -> Vec<Point> {
     let (Some(first), Some(last)) = (front.first(), front.last()) else { return Vec::new() };
     let mut path = vec![Point(first.0, frame.top), *first];

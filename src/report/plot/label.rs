@@ -1,10 +1,10 @@
-//! Text and placement of the labels of plotted points.
+//! Texts of the labels beside plot points, and their placement without overlaps.
 
 use crate::measure::table::{Cell, Row};
 use crate::report::canvas::{Point, Rect};
 
-/// A row's setting in as few words as tell it from the other rows of its method: the parameters that differ among
-/// them (numbers as `key=value`, words as they are), or the method's name where none does.
+/// Returns a short label for each table row: the parameters that differ from other rows of its shadow method (numbers
+/// as `key=value`, words without key). If none differs, the label is the method's name.
 pub fn of_rows(rows: &[Row]) -> Vec<String> {
     let settings = |row: &Row| {
         let map = row.map.map(|map| ("map", map.into()));
@@ -25,38 +25,37 @@ pub fn of_rows(rows: &[Row]) -> Vec<String> {
     rows.iter().zip(&settings).map(label).collect()
 }
 
-/// A label to be placed.
+/// Label of a plot point before its placement: size and point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted {
     pub point: Point,
     pub width: f64,
     pub height: f64,
-    /// Whether it may stand so far off that a line has to lead to it.
+    /// Whether the label of a plot point may be so far away that a leader line must connect them.
     pub far: bool,
 }
 
-/// Position of a label.
+/// Position of a placed label in a plot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
     pub rect: Rect,
-    /// A line from the point to the label where they are apart.
+    /// Leader line from the plot point to its label; `None` if the label is close to the point.
     pub leader: Option<[Point; 2]>,
 }
 
-/// Distances between a marker's rim and its label that are tried.
+/// Candidate distances between the rim of a marker and its label, points.
 const DISTANCES: [f64; 6] = [2.0, 5.0, 10.0, 18.0, 30.0, 45.0];
-/// Directions that are tried, anticlockwise from the right.
+/// Number of candidate directions from a marker to its label, anticlockwise from the right.
 const DIRECTIONS: usize = 16;
-/// Distance from which a line leads from the point to the label.
+/// Distance from which a leader line connects a label with its plot point, points.
 const LEADER_FROM: f64 = 10.0;
-/// Sweeps in which each label may move to a better place, the others staying.
+/// Number of passes of the label placement; in each pass every label may move to a better place.
 const SWEEPS: usize = 4;
-/// Largest covered fraction of a label that is still drawn.
+/// Largest fraction of a label's area that other labels or markers may cover; a label covered more is not drawn.
 const MOST_COVERED: f64 = 0.08;
 
-/// Finds places for labels inside `bounds`, clear of each other and of all markers (of `radius`), and of
-/// `obstacles` where there is room. Earlier labels matter more: a later one that can only be put over others, or
-/// over a marker, is left out.
+/// Places labels of plot points inside `bounds`, without overlaps of other labels and markers, and of `obstacles`
+/// where possible. Earlier labels have priority; a later label without a free place is `None`.
 pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -> Vec<Option<Placed>> {
     let markers: Vec<Rect> = labels.iter().map(|l| Rect::around(l.point, radius, radius)).collect();
     let mut placed: Vec<Option<Placed>> = vec![None; labels.len()];
@@ -81,7 +80,7 @@ pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -
         }
     };
     let mut dropped = vec![false; labels.len()];
-    // Whatever covers something goes, the last first; the others then have more room.
+    // Drops labels that cover something, the last first; the others then have more space.
     loop {
         settle(&mut placed, &dropped);
         let covers = |i: usize| {
@@ -93,7 +92,8 @@ pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -
     }
 }
 
-/// Places around a point with what they cost by themselves: near is better, right and above a little too.
+/// Candidate places of a label around its plot point, each with a penalty. Near places are preferred, and slightly
+/// those to the right and above.
 fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)> {
     let Wanted { point, width, height, .. } = label;
     (0..DISTANCES.len() * DIRECTIONS).map(move |c| {
@@ -102,7 +102,7 @@ fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)>
         let (dx, dy) = (angle.cos(), -angle.sin());
         let reach = radius + distance;
         let rim = Point(point.0 + reach * dx, point.1 + reach * dy);
-        // The label's side or corner that faces the point is where the rim is.
+        // The side or corner of the label that faces the point lies at `rim`.
         let center = Point(rim.0 + 0.5 * width * (2.0 * dx).clamp(-1.0, 1.0), rim.1 + 0.5 * height * dy);
         let rect = Rect::around(center, 0.5 * width, 0.5 * height);
         let leader =
@@ -112,7 +112,7 @@ fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)>
     })
 }
 
-/// Placement penalty for a leader line that crosses markers or other labels.
+/// Penalty for a leader line that crosses markers or other labels of the plot.
 fn crossings(candidate: &Placed, own: usize, markers: &[Rect], placed: &[Option<Placed>]) -> f64 {
     let Some([from, to]) = candidate.leader else { return 0.0 };
     let labels = placed.iter().map(|p| p.map(|p| p.rect));

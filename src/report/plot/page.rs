@@ -1,4 +1,4 @@
-//! Sizes and colours that all plots share.
+//! Text sizes and colours that all plots share.
 
 use crate::report::canvas::{Rgb, text_width};
 
@@ -10,7 +10,7 @@ pub const SMALL: f64 = 14.5;
 pub const GREY: Rgb = [110, 110, 110];
 pub const GRID: Rgb = [225, 225, 225];
 
-/// Cuts a text at the end until it is at most `width` wide.
+/// Shortens a text at its end until it is at most `width` points wide.
 pub fn shorten(mut text: String, size: f64, width: f64) -> String {
     if text_width(&text, size) <= width {
         return text;

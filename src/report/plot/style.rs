@@ -1,27 +1,28 @@
-//! A method's colour and marker, the same in every figure.
+//! Colour and marker of each shadow method, equal in all plots.
 
 use crate::measure::defaults::style;
 use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
 use crate::shadow::{METHODS, Marker, Style};
 use itertools::Itertools as _;
 
-/// Radius of a marker in points.
+/// Radius of a plot marker, points.
 pub const MARKER: f64 = 5.5;
 
-/// Styles of methods without a style of their own.
+/// Plot styles for shadow methods that define no style of their own.
 const OTHERS: [Style; 2] = [
     Style { color: [86, 180, 233], marker: Marker::Down },
     Style { color: [110, 110, 110], marker: Marker::Plus },
 ];
 
-/// A method's colour and marker.
+/// Name, plot colour and plot marker of a shadow method.
 pub struct Family {
     pub name: String,
     pub color: Rgb,
     pub marker: Marker,
 }
 
-/// Each of the methods once, in the order of the registry, others after them as they come.
+/// Returns the plot style of each distinct shadow method, in the order of the registry [`METHODS`]; unregistered
+/// methods follow in order of appearance.
 pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
     let mut names: Vec<&str> = methods.unique().collect();
     names.sort_by_key(|name| METHODS.iter().position(|e| e.name == *name).unwrap_or(METHODS.len()));
@@ -33,10 +34,11 @@ pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
     names.into_iter().map(family).collect()
 }
 
-/// Dash and gap lengths of the settings of one method, in turn; the first is an unbroken line.
+/// Dash patterns (dash and gap lengths, points) that distinguish the curves of one shadow method with several
+/// settings. The first is a solid line.
 pub const DASHES: [Option<[f64; 2]>; 4] = [None, Some([9.0, 4.0]), Some([2.0, 3.0]), Some([5.0, 2.5])];
 
-/// A filled marker with a white rim, or strokes on a white ground.
+/// Draws a plot marker: a filled shape with a white rim, or two crossed strokes over white ones.
 pub fn marker(drawing: &mut Drawing, at: Point, marker: Marker, color: Rgb) {
     let r = MARKER;
     let corners = |r: f64| -> Vec<Point> {

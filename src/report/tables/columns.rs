@@ -1,28 +1,29 @@
-//! The columns of the readable tables.
+//! Columns of the readable comparison tables (Markdown and LaTeX): headings, units and formatting.
 
 use crate::error::{Error, Result};
 use crate::measure::table::{COLUMNS, Cell, Row};
 use crate::report::number::{near_one, significant};
 
-/// A column of the readable tables.
+/// Column of the readable comparison tables: heading, unit and formatting.
 #[derive(Clone, Copy)]
 pub struct TableColumn {
-    /// The column of the CSV file that it is of.
+    /// Name of the table column in `compare.csv`.
     pub name: &'static str,
     pub heading: &'static str,
     pub unit: &'static str,
-    /// Numbers are aligned to the right.
+    /// Whether the table column contains numbers, which are aligned to the right.
     pub number: bool,
-    /// Whether it is among the few columns of a default LaTeX table.
+    /// Whether the column is one of the few columns of the default LaTeX table.
     pub on_paper: bool,
-    /// Whether the column moves to the caption if all rows have the same value.
+    /// Whether the column moves to the table's caption if all rows have the same value.
     pub caption: bool,
-    /// Whether the value is that of the CSV file, with reals rounded.
+    /// Whether the column shows the value of `compare.csv` with rounded reals, without combining it with other
+    /// columns.
     plain: bool,
 }
 
 impl TableColumn {
-    /// Text of a row in this column.
+    /// Formats the value of a table row in this column.
     pub fn value(&self, row: &Row) -> String {
         match (self.name, row.cell(self.name)) {
             ("width", _) if !self.plain => format!("{} x {}", row.width, row.height),
@@ -46,17 +47,17 @@ const fn number(name: &'static str, heading: &'static str, unit: &'static str) -
     TableColumn { unit, number: true, ..text(name, heading, true) }
 }
 
-/// A number that a default LaTeX table leaves out.
+/// Column of numbers that the default LaTeX table omits.
 const fn wide(name: &'static str, heading: &'static str, unit: &'static str) -> TableColumn {
     TableColumn { on_paper: false, ..number(name, heading, unit) }
 }
 
-/// A condition of the measurement.
+/// Column of a measurement condition, which moves to the table's caption if all rows have the same value.
 const fn condition(name: &'static str, heading: &'static str, on_paper: bool) -> TableColumn {
     TableColumn { caption: true, ..text(name, heading, on_paper) }
 }
 
-/// Every column of the readable tables, in order.
+/// All default columns of the readable comparison tables, in order.
 pub const SHOWN: &[TableColumn] = &[
     condition("scene", "scene", true),
     condition("adapter", "adapter", true),
@@ -92,10 +93,11 @@ pub const SHOWN: &[TableColumn] = &[
     text("status", "status", true),
 ];
 
-/// The columns of these names, in their order: as they are shown otherwise, or just as the CSV file has them.
+/// Returns the table columns with the given names, in the given order. Columns without a readable form show the value
+/// of `compare.csv`.
 ///
 /// # Errors
-/// A name that is no column's.
+/// A column of `compare.csv` with this name does not exist, or a name is listed twice.
 pub fn chosen(names: &[String]) -> Result<Vec<TableColumn>> {
     let of = |name: &String| {
         if let Some(shown) = SHOWN.iter().find(|s| s.name == name) {
@@ -121,15 +123,15 @@ pub fn chosen(names: &[String]) -> Result<Vec<TableColumn>> {
     }
 }
 
-/// Columns of words among those that are shown only on request.
+/// Columns of text among the table columns that are shown only on request.
 const WORDS: &[&str] = &["left_out", "tuned_for", "profile", "version", "note"];
 
-/// The unit as headings have it, or nothing.
+/// Unit of a table column in brackets, for its heading; empty without a unit.
 pub fn heading_unit(s: &TableColumn) -> String {
     if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) }
 }
 
-/// A text without breaks.
+/// Replaces line breaks and repeated spaces of a text by single spaces.
 pub fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

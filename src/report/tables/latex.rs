@@ -1,47 +1,47 @@
-//! The table as LaTeX, no wider than the page: letters are as large as fit, then the settings are broken into lines, and
-//! only then columns are left out, the last first.
+//! Comparison table as LaTeX that is no wider than the page. It reduces the font size first, then breaks the settings
+//! into lines, and last omits columns from the end.
 
 use super::columns::{TableColumn, heading_unit, one_line};
 use crate::measure::table::Row;
 
-/// A `tabular`, and what had to be left out of it.
+/// LaTeX `tabular` of the comparison table, and the columns omitted from it.
 pub struct Latex {
     pub text: String,
-    /// Headings of the columns that do not fit.
+    /// Headings of the columns that do not fit into the LaTeX table.
     pub left_out: Vec<&'static str>,
 }
 
-/// A size of letters with the space on each side of a column.
+/// Font size of the LaTeX table with the gap on each side of a column.
 struct Size {
     command: &'static str,
-    /// Nominal font size in a 10-point document class, in points.
+    /// Nominal font size of the LaTeX table in a 10-point document class, points.
     points: f64,
-    /// Ratio of the letter widths of this font size to those of the 10-point font scaled down; the largest over all
-    /// letters.
+    /// Ratio of the letter widths at a LaTeX font size to those of the 10-point font scaled down; the largest over
+    /// all letters.
     cut: f64,
     gap: f64,
 }
 
-/// Font sizes, largest first. The ratios are from the metrics of Computer Modern Roman (`cmr9`, `cmr8`, `cmr7`
-/// against `cmr10`).
+/// Font sizes of the LaTeX table, largest first. The ratios are from the metrics of Computer Modern Roman (`cmr9`,
+/// `cmr8`, `cmr7` against `cmr10`).
 const SIZES: [Size; 4] = [
     Size { command: "", points: 10.0, cut: 1.0, gap: 6.0 },
     Size { command: "\\small", points: 9.0, cut: 1.029, gap: 5.0 },
     Size { command: "\\footnotesize", points: 8.0, cut: 1.063, gap: 4.0 },
     Size { command: "\\scriptsize", points: 7.0, cut: 1.165, gap: 3.0 },
 ];
-/// Smallest readable width of a column with broken settings, points.
+/// Smallest width of a LaTeX column whose settings are broken into lines, points.
 const NARROWEST_PT: f64 = 70.0;
 
-/// The rows as a LaTeX `tabular` (package `booktabs`) of at most `width_pt` to be put into a `table` with `\input`, in a
-/// class of 10 points; a rule between methods. What all rows share, `caption`, is a comment above it.
+/// Returns the comparison table as a LaTeX `tabular` (package `booktabs`) of at most `width_pt`, for `\input` in a
+/// `table` of a 10-point class. A rule separates shadow methods. The caption is a comment above the `tabular`.
 pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) -> Latex {
     let mut shown = shown.to_vec();
     let mut left_out = Vec::new();
     let (size, broken) = loop {
         match fitted(rows, &shown, width_pt) {
             Some(found) => break found,
-            // The first column names the row; a table of it alone is as narrow as can be.
+            // The first column names the row; a table with only this column cannot be narrower.
             None if shown.len() < 2 => break (&SIZES[SIZES.len() - 1], None),
             None => left_out.extend(shown.pop().map(|s| s.heading)),
         }
@@ -62,7 +62,7 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) 
     text += &format!("\\begin{{tabular}}{{@{{}}{alignment}@{{}}}}\n\\toprule\n");
     let line = |cells: Vec<String>| cells.join(" & ") + " \\\\\n";
     text += &line(shown.iter().map(|s| escape(s.heading)).collect());
-    // The first column never has a unit, so no `[` follows `\\` to be read as its argument; texts have theirs escaped.
+    // The first column has no unit, so no `[` follows `\\` to be read as its argument; `[` in texts is escaped.
     text += &line(shown.iter().map(heading_unit).collect());
     let mut method = None;
     for row in rows {
@@ -85,7 +85,8 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) 
     Latex { text: text + "\\bottomrule\n\\end{tabular}%\n\\endgroup\n", left_out }
 }
 
-/// Largest font size at which the table fits; if only with broken settings, also the index and width of their column.
+/// Returns the largest font size at which the LaTeX table fits. If it fits only with settings broken into lines, it
+/// also returns the index and width of their column.
 fn fitted(
     rows: &[Row],
     shown: &[TableColumn],
@@ -105,7 +106,7 @@ fn fitted(
     })
 }
 
-/// Width of a column in ems of 10-point Computer Modern Roman.
+/// Width of a table column in ems of 10-point Computer Modern Roman.
 fn column_em(rows: &[Row], shown: &TableColumn) -> f64 {
     let cell = |row: &Row| {
         let value = shown.value(row);
@@ -119,7 +120,7 @@ fn is_number(shown: &TableColumn, value: &str) -> bool {
     shown.number && value.parse::<f64>().is_ok()
 }
 
-/// Widths of the letters from the space on, in thousandths of an em: the metrics of `cmr10` (Knuth 1986).
+/// Widths of the ASCII letters from the space on, in thousandths of an em, from the metrics of `cmr10` (Knuth 1986).
 #[rustfmt::skip]
 const LETTERS: [u16; 95] = [
     334, 278, 500, 833, 500, 833, 778, 278, 389, 389, 500, 778, 278, 333, 278, 500,
@@ -133,13 +134,13 @@ const LETTERS: [u16; 95] = [
 fn text_em(text: &str) -> f64 {
     let width = |c: char| {
         let place = (c as usize).checked_sub(' ' as usize);
-        // A letter of another script is taken for a wide one.
+        // Letters outside ASCII count as wide.
         f64::from(place.and_then(|i| LETTERS.get(i)).copied().unwrap_or(1000))
     };
     one_line(text).chars().map(width).sum::<f64>() / 1000.0
 }
 
-/// Width of a number typeset by [`number`], in em.
+/// Width of a number in the LaTeX table, in em, as [`number`] typesets it.
 fn number_em(text: &str) -> f64 {
     let minus = |digits: &str| if digits.starts_with('-') { 0.778 - 0.333 } else { 0.0 };
     match text.split_once('e') {
@@ -162,7 +163,7 @@ fn escape(text: &str) -> String {
             '<' => out += "\\textless{}",
             '>' => out += "\\textgreater{}",
             '|' => out += "\\textbar{}",
-            // After the end of a line these would be taken for its arguments.
+            // After `\\` LaTeX would read these as its arguments.
             '[' | '*' => out.extend(['{', c, '}']),
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             _ => out.push(c),
@@ -171,7 +172,7 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// A number for reading, in mathematics.
+/// Formats a number as LaTeX mathematics.
 fn number(text: &str) -> String {
     if text.is_empty() {
         return String::new();

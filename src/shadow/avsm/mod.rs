@@ -1,17 +1,20 @@
-//! `avsm`: adaptive volumetric shadow maps.
+//! Shadow method `avsm`: adaptive volumetric shadow maps.
 //!
-//! Salvi, Vidimče, Lauritzen and Lefohn 2010, *Adaptive Volumetric Shadow Maps*. A texel stores `N` nodes of the transmittance of
-//! its ray. If there are more, the inner node is removed that changes the area under the curve least, and its neighbours stay.
-//! Memory is bounded and the error is not, in contrast to `dsm`.
+//! Salvi, Vidimče, Lauritzen and Lefohn 2010, *Adaptive Volumetric Shadow Maps*. Each texel stores up to `N` nodes of
+//! the transmittance curve of its light ray. If there are more, the inner node is removed that changes the area under
+//! the curve least; its neighbours stay. Memory is bounded and the error is not, in contrast to `dsm`.
 //!
-//! With enough nodes of 32 bits it is the polyline of the march, within 0.0023 of the curve.
+//! With enough nodes of 32 bits, the stored curve is the polyline from the march of the light ray, within 0.0023 of
+//! the exact transmittance.
 //!
 //! Deviations from the paper, and why:
-//! * Pieces arrive in the order of the march, and are appended; the paper inserts rasterised segments in any order.
-//! * Pieces are as short as those of `dsm`, since chords are straight; the paper's segments are as long as drawn.
-//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper; `dsm` also aligns their surfaces. With
-//!   `filter=nearest` both methods differ by the compression only.
-//! * A ray ends at a transmittance of 2^-11, as in every map here.
+//! * Segments of the light ray arrive in the order of the march, and are appended; the paper inserts rasterised
+//!   segments in any order.
+//! * Segments are as short as those of `dsm`, since the curve is straight between nodes; the paper's segments are as
+//!   long as drawn.
+//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper; `dsm` also aligns their
+//!   surfaces. With `filter=nearest` both methods differ by the compression only.
+//! * A light ray ends at a transmittance of 2^-11, as in every shadow map here.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
@@ -25,12 +28,14 @@ use bytemuck::{Pod, Zeroable};
 settings! {
     /// Settings of an adaptive volumetric shadow map.
     pub struct AdaptiveShadowMap {
-        /// Nodes a texel, `N` of the paper.
+        /// Number of nodes of the transmittance curve stored in each texel of an adaptive volumetric shadow map (`N`
+        /// of Salvi et al. 2010).
         nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").in_label().search_all(),
-        /// Bits of a node's depth and transmittance, each: 16 or 32.
+        /// Number of bits of each stored depth and transmittance in an adaptive volumetric shadow map: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats").search_all(),
         ..MapSettings,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -46,7 +51,8 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
 };
 
-/// `AvsmParams` of `shaders/shadow/avsm/params.wgsl`.
+/// Uniform buffer of adaptive volumetric shadow maps; mirrors struct `AvsmParams` in
+/// `shaders/shadow/avsm/params.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct AvsmParams {

@@ -1,24 +1,26 @@
-//! `bom`: bounding opacity maps.
+//! Shadow method `bom`: bounding opacity maps.
 //!
-//! Voicu 2011, *Real-time volumetric shadows for dynamic rendering*, chapter 5, an extension of Yuksel and Keyser 2008. Symbols:
-//! `z_0` and `z_1` are the depths at which matter begins and ends in a texel; `K` layers lie from `z_0 + d_(k-1)` to `z_0 + d_k`,
-//! with `z_0 + d_K = z_1`.
+//! Voicu 2011, *Real-time volumetric shadows for dynamic rendering*, chapter 5, an extension of Yuksel and Keyser
+//! 2008. Symbols: `z_0` and `z_1` are the depths at which matter begins and ends in a texel; `K` layers lie from `z_0
+//! + d_(k-1)` to `z_0 + d_k`, with `z_0 + d_K = z_1`.
 //!
 //! Deviations from the thesis, and why:
-//! * Two marches in one pass replace three passes: one towards the light, which ends at the first matter, `z_1`, and one from the
-//!   light, which passes `z_0` before the layers.
-//! * A lookup is linear between the two planes around it; the thesis reads one layer.
-//! * The interval `[1, N]` of the logarithm is `log_size`: the thesis states no size of the lookup texture, and the appendix's
-//!   rounding of `log2` to a whole number is not followed.
+//! * Two marches in one pass replace three passes. One march goes towards the light and ends at the first matter,
+//!   `z_1`. The other comes from the light and passes `z_0` before the layers.
+//! * A query for transmittance interpolates linearly between the two planes around the point; the thesis reads one
+//!   layer.
+//! * The interval `[1, N]` of the logarithm is `log_size`: the thesis states no size of the lookup texture, and the
+//!   appendix's rounding of `log2` to a whole number is not followed.
 //! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
-//!   instead of 8 bits, and a second row with the planes, at which the build cuts.
-//! * `split=auto` chooses among eleven ratios over whole images, as 5.2.3 does, but on the device and from a coarse map. Images are
-//!   opacities `1 - T`, not rounded to 8 bits, since rounded images of few levels are less correlated (`measure=difference` rounds).
-//!   Two images without contrast are fully correlated.
-//! * `split=texel` is the splitting texture of chapter 7, a ratio for every region of 4 x 4 texels. Its sum of absolute differences
-//!   telescopes on a single ray, whose opacity never falls. So the ratio is chosen whose largest step between neighbouring planes
-//!   is least, which bounds the error.
-//! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
+//!   instead of 8 bits. A second row holds the planes that separate the layers.
+//! * `split=auto` chooses among eleven ratios over whole images, as 5.2.3 does, but on the device and from a coarse
+//!   map. Images are opacities `1 - T`, not rounded to 8 bits, since rounded images of few levels are less correlated
+//!   (`measure=difference` rounds). Two images without contrast count as fully correlated.
+//! * `split=texel` is the splitting texture of chapter 7, a ratio for every region of 4 x 4 texels. Its sum of
+//!   absolute differences telescopes on a single ray, whose opacity never falls. So the ratio is chosen whose largest
+//!   step between neighbouring planes is least, which bounds the error.
+//! * Depths are rounded away from the light. `filter=bilinear` works as in `dom`, and treats the ends of matter like
+//!   the starts.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
@@ -35,24 +37,27 @@ use crate::gpu::ShaderVariant;
 settings! {
     /// Settings of a bounding opacity map.
     pub struct BoundingOpacityMap {
-        /// Layers, `K` of the thesis.
+        /// Number of layers of a bounding opacity map (`K` of Voicu 2011).
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// Division of a texel's extent into layers.
+        /// Division of each texel's depth range, from the start to the end of matter, into the layers of a bounding
+        /// opacity map.
         split: LayerSplit = split_key("hybrid"),
-        /// Blend from linear (0) to logarithmic (1) division.
+        /// Ratio of the hybrid division into layers, from linear (0) to logarithmic (1).
         ratio: f64 = RATIO_KEY,
-        /// Logarithms go over the interval from 1 to this.
+        /// Upper end of the interval `[1, log_size]` over which the logarithmic division into layers takes its
+        /// logarithm.
         log_size: f64 = LOG_SIZE_KEY,
-        /// Measure by which the ratio is chosen.
+        /// Criterion by which `split=auto` chooses the layer ratio: correlation or difference of neighbouring layers.
         measure: Measure = MEASURE_KEY,
-        /// Bits of the stored depths: 8, 16 or 32.
+        /// Number of bits of each stored depth (start or end of matter in a texel): 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
-        /// Bits of a stored optical depth: 8, 16 or 32.
+        /// Number of bits of each optical depth stored in a bounding opacity map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// Quantity that the filter averages: optical depth or transmittance.
+        /// Quantity that bilinear filtering of shadow map texels averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

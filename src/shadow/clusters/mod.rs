@@ -1,18 +1,21 @@
-//! `clusters`: density clustering.
+//! Shadow method `clusters`: density clustering.
 //!
-//! Mertens, Kautz, Bekaert and Van Reeth 2004, *A Self-Shadow Algorithm for Dynamic Hair using Density Clustering*, with
-//! with which Yuksel and Keyser 2008 compare. The matter along a light ray forms `k` clusters by depth, each with its optical depth,
-//! mean and standard deviation. The matter of a cluster is taken to lie evenly within `sqrt(3)` standard deviations of its mean.
+//! Mertens, Kautz, Bekaert and Van Reeth 2004, *A Self-Shadow Algorithm for Dynamic Hair using Density Clustering*,
+//! with which Yuksel and Keyser 2008 compare. The matter along a light ray forms `k` clusters by depth, each with its
+//! optical depth, mean and standard deviation. The matter of a cluster is assumed to be uniform within `sqrt(3)`
+//! standard deviations of its mean.
 //!
-//! It is exact for as many even slabs as there are clusters, each nearest to another mean.
+//! The method is exact for uniform slabs, if there is one cluster for each slab and each slab is nearest to another
+//! mean.
 //!
 //! Deviations from the paper, and why:
-//! * A piece of the march is a stretch, whose standard deviation counts, and belongs to the cluster nearest to its middle; the
-//!   paper's fragments are points.
-//! * One pass finds the end of matter and forms the clusters; each further iteration assigns every piece to the nearest mean of the
-//!   march before.
+//! * A segment of the light ray has a length, whose standard deviation counts, and belongs to the cluster nearest to
+//!   its middle; the paper's fragments are points.
+//! * One pass finds the end of matter and forms the clusters. Each further iteration assigns every segment to the
+//!   nearest mean of the previous march.
 //! * Clusters of neighbouring texels differ, so transmittances are averaged (`filter=bilinear`).
-//! * A ray ends at a transmittance of 2^-11, as in every map here; the range of depths is that of all matter.
+//! * A light ray ends at a transmittance of 2^-11, as in every shadow map here; the depth range is that of all
+//!   matter.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
@@ -22,16 +25,18 @@ use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, Vecto
 use crate::gpu::Constant;
 
 settings! {
-    /// Settings of a map of clusters.
+    /// Settings of a density clustering shadow map (Mertens et al. 2004).
     pub struct DensityClusters {
-        /// Clusters, `k` of the paper.
+        /// Number of clusters of matter along each light ray (`k` of Mertens et al. 2004).
         clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").in_label().search(&["1", "2", "3", "4", "6", "8", "12", "16"]),
-        /// Times that matter is given to the nearest mean.
+        /// Number of marches that assign the matter along a light ray to the cluster with the nearest mean depth.
         iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean").search(&["1", "2", "4"]),
-        /// Bits of a mean, a spread and an optical depth: 16 or 32.
+        /// Number of bits of each stored float of a cluster (mean depth, standard deviation and optical depth): 16 or
+        /// 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats").search_all(),
         ..MapSettings,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -1,21 +1,21 @@
-//! `dom`: deep opacity maps.
+//! Shadow method `dom`: deep opacity maps.
 //!
 //! Yuksel and Keyser 2008, *Deep Opacity Maps*. Symbols: `z_0` is the depth at which matter begins in a texel, `d_k`
 //! (`0 <= k <= K`) the depth from there to the far side of layer `k`, the same for every texel; `d_0 = 0`.
 //!
 //! Deviations from the paper, and why:
-//! * One pass replaces two: the march passes `z_0` before the layers. `z_0` is the start of the first exact piece with extinction,
-//!   not the depth of a drawn line.
-//! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) /
-//!   (K (K + 1))` (`split=growing`; the splits of `bom` exist, too). The paper sets sizes by hand for each scene, so that layers
-//!   "cover the illuminated part", and states no `d_K`; `spread` is its share of the map's range of depths.
-//! * The paper has three treatments of matter behind the last layer (section 3): `beyond=extend` adds it to the last layer, so that
-//!   it shadows itself; `ignore` skips it, so that it casts no shadow; `cover` enlarges the layers so that the last one ends behind
-//!   the volume, whatever `spread`.
-//! * The start is stored with the layers, in `depth_bits` bits, and rounded away from the light, so that points in front of matter
-//!   are fully lit.
-//! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four depths are close
-//!   enough to be one surface; otherwise the layers of each texel start at its `z_0`.
+//! * One pass replaces two: the march of a light ray passes `z_0` before the layers. `z_0` is the start of the first
+//!   segment with extinction, not the depth of a drawn line.
+//! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) / (K
+//!   (K + 1))` (`split=growing`; the splits of `bom` exist, too). The paper sets sizes by hand for each scene, so
+//!   that layers "cover the illuminated part", and states no `d_K`; `spread` is its share of the map's depth range.
+//! * The paper has three treatments of matter behind the last layer (section 3): `beyond=extend` adds it to the last
+//!   layer, so that it shadows itself; `ignore` skips it, so that it casts no shadow; `cover` enlarges the layers so
+//!   that the last one ends behind the volume, whatever `spread`.
+//! * The start depth is stored with the layers, in `depth_bits` bits, and rounded away from the light, so that points
+//!   in front of matter are fully lit.
+//! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four
+//!   depths are close enough to be one surface; otherwise the layers of each texel start at its `z_0`.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
@@ -30,13 +30,14 @@ use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 choices! {
-    /// Treatment of matter behind the last layer.
+    /// Treatment of matter behind the last layer of a deep opacity map.
     pub enum Beyond {
-        /// The last layer extends to the end of the ray.
+        /// Extends the last layer of a deep opacity map to the end of the light ray, so that it includes all matter
+        /// behind it.
         Extend = "extend",
-        /// Matter beyond the last layer casts no shadow.
+        /// Ignores matter behind the last layer of a deep opacity map, which then casts no shadow.
         Ignore = "ignore",
-        /// The layers reach behind all matter.
+        /// Enlarges the layers of a deep opacity map until the last one ends behind all matter.
         Cover = "cover",
     }
 }
@@ -44,17 +45,18 @@ choices! {
 settings! {
     /// Settings of a deep opacity map.
     pub struct DeepOpacityMap {
-        /// Layers, `K` of the paper.
+        /// Number of layers of a deep opacity map (`K` of Yuksel and Keyser 2008).
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// Division of the depth into layers.
+        /// Division of the depth range behind the first matter into the layers of a deep opacity map.
         split: LayerSplit = split_key("growing"),
-        /// Blend from linear (0) to logarithmic (1) division.
+        /// Ratio of the hybrid division into layers, from linear (0) to logarithmic (1).
         ratio: f64 = RATIO_KEY,
-        /// Logarithms go over the interval from 1 to this.
+        /// Upper end of the interval `[1, log_size]` over which the logarithmic division into layers takes its
+        /// logarithm.
         log_size: f64 = LOG_SIZE_KEY,
-        /// Measure by which the ratio is chosen.
+        /// Criterion by which `split=auto` chooses the layer ratio: correlation or difference of neighbouring layers.
         measure: Measure = MEASURE_KEY,
-        /// `d_K` as a share of the map's depth range.
+        /// Total depth of the layers of a deep opacity map (`d_K`), as a share of the map's depth range.
         spread: f64 = Key::number(
             [0.001, 1.0],
             "0.25",
@@ -62,21 +64,22 @@ settings! {
         )
         .search(&["0.1", "0.25", "0.5", "1"])
         .when(When::Unless("beyond", "cover")),
-        /// Treatment of matter behind the last layer.
+        /// Treatment of matter behind the last layer of a deep opacity map.
         beyond: Beyond = Key::choice(
             Beyond::NAMES,
             "extend",
             "what lies behind the last layer: it is in that, nowhere, or there is none since the layers grow",
         )
         .search(&["extend", "cover"]),
-        /// Bits of a stored start depth: 8, 16 or 32.
+        /// Number of bits of each texel's stored start depth, at which matter begins: 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
-        /// Bits of a stored optical depth: 8, 16 or 32.
+        /// Number of bits of each optical depth stored in a deep opacity map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// Quantity that the filter averages: optical depth or transmittance.
+        /// Quantity that bilinear filtering of shadow map texels averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -1,4 +1,5 @@
-//! Numbers of nodes of the texels of a deep shadow map (Hadwiger et al. 2006, Figure 5), read back on request.
+//! Counts of curve nodes in each texel of a deep shadow map (Hadwiger et al. 2006, Figure 5), read back from the
+//! device on request.
 
 use super::layout::{self, DEPTH_STEPS, NAME};
 use crate::error::{Error, Result};
@@ -7,20 +8,22 @@ use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
 use crate::shadow::method::ShadowMap;
 use ndarray::Array2;
 
-/// Texels counted in one dispatch, which limits the size of buffers.
+/// Number of deep shadow map texels whose nodes one dispatch counts; it limits the size of buffers.
 const TEXELS_AT_ONCE: usize = 1 << 22;
 
-/// Number of nodes of each texel, and the stored tiles.
+/// Number of curve nodes in each texel of a deep shadow map, and which tiles of the map are stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeMap {
-    /// Rows by columns of texels; 0 for texels that meet nothing, or whose tile is skipped.
+    /// Number of curve nodes in each texel of the deep shadow map, as rows by columns. It is 0 if the texel's light
+    /// ray meets no extinction or its tile is skipped.
     pub nodes: Array2<u32>,
-    /// Rows by columns of tiles of [`TILE`] texels a side.
+    /// Whether each tile of the deep shadow map is stored, as rows by columns; a tile has [`TILE`] texels per side.
     pub stored: Array2<bool>,
 }
 
 impl NodeMap {
-    /// Creates a map from one value for each texel, row by row, or [`NO_TILE`].
+    /// Creates the map of node counts from one count for each deep shadow map texel, row by row; [`NO_TILE`] marks
+    /// texels of skipped tiles.
     fn from_counts(map_size: u32, counts: Vec<u32>) -> Result<Self> {
         let (side, across) = (map_size as usize, map_size.div_ceil(TILE) as usize);
         let broken =
@@ -32,7 +35,8 @@ impl NodeMap {
         Ok(Self { nodes, stored })
     }
 
-    /// Returns the largest number of nodes in each tile: the layers of a block of the paper.
+    /// Returns the largest number of curve nodes of any texel in each tile of the deep shadow map (the layers of a
+    /// block in Hadwiger et al. 2006).
     pub fn most_by_tile(&self) -> Array2<u32> {
         let tile = TILE as usize;
         let mut most = Array2::zeros(self.stored.dim());
@@ -43,7 +47,7 @@ impl NodeMap {
         most
     }
 
-    /// Returns the number of texels with 0, 1, 2, ... nodes.
+    /// Returns the number of deep shadow map texels that have 0, 1, 2, ... curve nodes.
     pub fn histogram(&self) -> Vec<u64> {
         let most = self.nodes.iter().copied().max().unwrap_or(0);
         let mut texels = vec![0; most as usize + 1];
@@ -56,10 +60,10 @@ pub(super) fn shader() -> ShaderVariant {
     layout::shader("shadow/dsm/count.wgsl")
 }
 
-/// Counts the nodes of a deep shadow map; `None` for other methods.
+/// Counts the curve nodes in each texel of a deep shadow map; returns `None` for a shadow map of another method.
 ///
 /// # Errors
-/// A lost device, or one out of memory.
+/// The GPU device is lost or out of memory.
 pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
     if shadow.method != NAME {
         return Ok(None);
@@ -87,10 +91,11 @@ pub(super) fn steps_shader() -> ShaderVariant {
     layout::shader("shadow/dsm/steps.wgsl")
 }
 
-/// Returns the depths (mm, from the light on) of all nodes of the given texels `[column, row]`; `None` for other methods.
+/// Returns the depths (mm, increasing away from the light) of all curve nodes of the given deep shadow map texels
+/// `[column, row]`. Returns `None` for a shadow map of another method.
 ///
 /// # Errors
-/// A lost device, or one out of memory.
+/// The GPU device is lost or out of memory.
 pub fn node_depths(
     kernels: &Kernels,
     transfer: &DeviceTransfer,
@@ -135,7 +140,7 @@ mod tests {
 
     #[test]
     fn tiles_take_their_fullest_texel_and_the_histogram_counts_every_texel() {
-        // 20 x 20 texels: four tiles, three of them cut by the border, one left out.
+        // 20 x 20 texels: four tiles, three of them cut by the border, one of them skipped.
         let mut counts = vec![0; 400];
         counts[3 * 20 + 5] = 7;
         counts[15 * 20 + 15] = 9;

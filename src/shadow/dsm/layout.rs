@@ -1,24 +1,28 @@
-//! Storage of the nodes of a deep shadow map, as in `shaders/shadow/dsm/layout.wgsl`.
+//! Memory layout of the curve nodes of a deep shadow map, as in `shaders/shadow/dsm/layout.wgsl`.
 
 use crate::field::{TILE_TEXELS, field_shader};
 use crate::gpu::quirks::MAX_LATTICE_STEPS;
 use crate::gpu::{Constant, ShaderVariant};
 use crate::shadow::tolerances::OPAQUE_DEPTH;
 
-/// Name of the method.
+/// Name of the deep shadow map method on the command line and in tables.
 pub const NAME: &str = "dsm";
-/// Steps of the map's range of depths; the next step fills rows behind their last node.
+/// Number of quantization steps of a curve node's depth over the depth range of a deep shadow map. The next step
+/// marks unused entries behind the last node.
 pub const DEPTH_STEPS: u32 = 65534;
-/// Nodes of a row, which ends with a link to the next row, and its bytes.
+/// Number of curve nodes in one row, the unit of storage of a deep shadow map, and its size in bytes. Each row ends
+/// with a link to the next row of the texel.
 pub const ROW_NODES: u32 = 7;
 pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
-/// Width of the texture of nodes in texels; a row has two texels.
+/// Width in texels of the texture that stores the curve nodes of a deep shadow map; a row of nodes takes two texels.
 pub const NODE_TEXTURE_WIDTH: u32 = 4096;
 pub const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
-/// Corners of each of the two hulls of a tunnel (`compress=optimal`); a power of two.
+/// Capacity in corners of each of the two convex hulls of the tunnel in Imai and Iri's algorithm
+/// (`compress=optimal`); a power of two.
 pub const HULL_CORNERS: u32 = 16;
-/// Difference of depths, in steps, that a tunnel treats as equal: 8 units in the last place of the largest float32 depth.
+/// Difference of two depths, in quantization steps, that the optimal compression of a deep shadow map treats as zero:
+/// 8 units in the last place of the largest float32 depth.
 pub const UPRIGHT_STEPS: f64 = 1.0 / 32.0;
 
 const CONSTANTS: &[Constant] = &[
@@ -35,7 +39,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
 ];
 
-/// Returns a variant with the layout of nodes.
+/// Returns a shader variant with the memory layout of deep shadow map nodes.
 pub fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
 }

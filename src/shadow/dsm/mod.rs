@@ -1,25 +1,26 @@
-//! `dsm`: tiled deep shadow maps.
+//! Shadow method `dsm`: tiled deep shadow maps.
 //!
-//! Hadwiger, Kratz, Sigg, Bühler 2006, *GPU-Accelerated Deep Shadow Maps for Direct Volume Rendering*; compression after
-//! Lokovic and Veach 2000. Symbols: `epsilon` is the paper's error bound on transmittance.
+//! Hadwiger, Kratz, Sigg, Bühler 2006, *GPU-Accelerated Deep Shadow Maps for Direct Volume Rendering*; compression
+//! after Lokovic and Veach 2000. Symbols: `epsilon` is the paper's error bound on transmittance.
 //!
 //! Deviations from the paper, and why:
-//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven nodes and a link. Every texel
-//!   of a tile with active bricks has a first row; further rows come from a pool that all tiles share, so that one long texel
-//!   does not lengthen its whole tile. If the pool is too small, it grows, and the tiles that lack rows are built again.
-//! * Rays are marched cell by cell instead of at regular steps: inside a cell the field along a ray is a cubic, and the
-//!   pre-compressed table gives the values at which visibility bends, so that no peak is missed. `march=samples` takes the
-//!   paper's steps, with the integrals of extinction between two of them.
-//! * The stored slope is at most zero, which never leaves the window: the stored function is monotone.
-//! * `filter=bilinear` aligns the four functions at their first depths, if these are close enough to be one surface, before it
-//!   averages them: otherwise slanted lit surfaces shadow themselves. Rays through texel centres, and so the error bound, do
-//!   not depend on it.
-//! * A node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
-//! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a piecewise linear
-//!   function*; 1988, *Polygonal approximations of a curve*) among the functions that begin with extinction, stay within
-//!   `epsilon` of the polyline of the march, and are level behind their last node. This is exact for hulls of up to 10 corners.
-//!   For larger hulls the tunnel is narrowed, which satisfies the error bound. `docs/bound.md` has the proof,
-//!   `tests/gpu/tunnel.rs` the distance from the minimum.
+//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven curve nodes and a
+//!   link. Every texel of a tile with active bricks has a first row. Further rows come from a pool that all tiles
+//!   share, so that one long texel does not lengthen its whole tile. If the pool is too small, it grows, and the
+//!   tiles that lack rows are built again.
+//! * Light rays are marched cell by cell instead of at regular steps. Inside a cell the value along a ray is a cubic,
+//!   and the pre-compressed table gives the values at which extinction bends, so that no peak is missed.
+//!   `march=samples` takes the paper's steps, with the integrals of extinction between two of them.
+//! * The stored slope is at most zero, which never leaves the error window: the stored curve is monotone.
+//! * `filter=bilinear` aligns the four transmittance curves at their first depths, if these are close enough to be
+//!   one surface, before it averages them: otherwise slanted lit surfaces shadow themselves. Rays through texel
+//!   centres, and so the error bound, do not depend on it.
+//! * A curve node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
+//! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a
+//!   piecewise linear function*; 1988, *Polygonal approximations of a curve*) among the curves that begin with
+//!   extinction, stay within `epsilon` of the marched polyline, and are level behind their last node. This is exact
+//!   for hulls of up to 10 corners. For larger hulls the tunnel is narrowed, which satisfies the error bound.
+//!   `docs/bound.md` has the proof, `tests/gpu/tunnel.rs` the distance from the minimum.
 //! * `precompress=off` takes point samples of extinction at regular steps, as the paper's Figure 3 (left).
 
 mod count;
@@ -45,27 +46,29 @@ use crate::gpu::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Transmittance at which a ray ends (`OPAQUE_DEPTH` of the shaders).
+/// Transmittance at which the march of a light ray ends (`exp(-OPAQUE_DEPTH)` of the shaders).
 const RAY_END: f64 = 1.0 / 2048.0;
-/// Rounding to 16 bits at both ends of a line.
+/// Error in transmittance from rounding it to 16 bits at both nodes of a line segment.
 const STORAGE: f64 = 1.0 / 65535.0;
 
 choices! {
     /// Compression of the transmittance curve of a light ray to the nodes of a piecewise linear curve.
     pub enum Compress {
-        /// Line after line, each from the end of the last.
+        /// Greedy compression of a transmittance curve (Lokovic and Veach 2000): line by line, each from the end of
+        /// the last and as long as the error bound allows.
         Greedy = "greedy",
-        /// The fewest nodes, which need not lie on the curve.
+        /// Compression of a transmittance curve to the fewest nodes within the error bound (Imai and Iri 1986); nodes
+        /// need not lie on the curve.
         Optimal = "optimal",
     }
 }
 
 choices! {
-    /// Use of the pre-compressed table by the light march.
+    /// Use of the pre-compressed transfer-function table (Hadwiger et al. 2006) by the march of light rays.
     pub enum Precompress {
-        /// Every cell is marched exactly.
+        /// Light rays are integrated with the pre-compressed transfer-function table.
         Table = "table",
-        /// Regular point samples.
+        /// Light rays take point samples of extinction at regular steps, without the pre-compressed table.
         Off = "off",
     }
 }
@@ -73,7 +76,8 @@ choices! {
 settings! {
     /// Settings of a deep shadow map.
     pub struct DeepShadowMap {
-        /// Error in transmittance that the compression may make.
+        /// Largest error in transmittance that the compression of a deep shadow map may make (`epsilon` of Hadwiger
+        /// et al. 2006).
         epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error that compression may make in transmittance")
             .in_label()
             .coarse("0.05")
@@ -84,38 +88,42 @@ settings! {
             "greedy",
             "lines from node to node (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
-        /// Occluder that casts shadows: the voxels, or the strands' segments.
+        /// Occluder that casts the shadows: the voxels of the volume, or the line segments of the strands that it was
+        /// made from.
         from: DrawnFrom = FROM_KEY,
-        /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
+        /// Number of sub-texel light rays whose mean transmittance a shadow map texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
             .coarse("1")
             .search(&["1", "5"])
             .when(UNLESS_LINES),
-        /// Whether every cell is taken exactly.
+        /// Evaluation of extinction along light rays: with the pre-compressed transfer-function table, or by regular
+        /// point samples.
         precompress: Precompress = Key::choice(
             Precompress::NAMES,
             "table",
             "pre-compressed transfer-function table, or regular point samples",
         )
         .when(UNLESS_LINES),
-        /// March of light rays.
+        /// March of light rays: cell by cell and exact, or by samples at regular distances.
         march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
-        /// Texels a side; `None`: by the scene.
+        /// Number of shadow map texels per side; `None` if chosen from the scene.
         map: Option<u32> = MAP_KEY,
-        /// Region that the map is fitted to: active bricks in view, or all.
+        /// Region that the shadow map covers: the visible bricks with extinction, or all bricks with extinction.
         fit: Fit = FIT_KEY,
-        /// Interpolation between the texels around a point.
+        /// Interpolation between the shadow map texels around a point: nearest or bilinear.
         filter: Filter = FILTER_KEY,
-        /// Distance of regular samples along the light ray (`march=samples`, `precompress=off`, and twice that of
-        /// pre-filtered lattices), in units of the smallest voxel spacing.
+        /// Distance between regular samples along a light ray, in units of the smallest voxel spacing. It applies to
+        /// `march=samples` and `precompress=off`; pre-filtered maps with the pre-compressed table take half of it.
         step: f64 = Key::number(
             [0.01, 8.0],
             "0.5",
             "regular light step, in smallest spacings (march=samples, precompress=off, prefilter)",
         ),
-        /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
+        /// Offset added to a point's depth from the light before its transmittance is queried, in units of the
+        /// smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -131,7 +139,7 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
 };
 
-/// `Params` of `shaders/shadow/dsm/layout.wgsl`.
+/// Uniform buffer of the deep shadow map shaders; mirrors struct `Params` in `shaders/shadow/dsm/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct DsmParams {
@@ -147,7 +155,7 @@ struct DsmParams {
     padding: [f32; 3],
 }
 
-/// `Counters` of `shaders/shadow/dsm/rows.wgsl`.
+/// Counters that the build of a deep shadow map updates; mirrors struct `Counters` in `shaders/shadow/dsm/rows.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Counters {
@@ -164,18 +172,21 @@ impl DeepShadowMap {
         self.from.march(self.march, self.step)
     }
 
-    /// Sub-texel rays of a texel; strands are drawn into whole texels.
+    /// Returns the number of sub-texel light rays for each shadow map texel; maps drawn from strands use one.
     fn taps_a_texel(&self) -> u32 {
         if self.from == DrawnFrom::Lines { 1 } else { self.prefilter }
     }
 
-    /// Whether the march passes the curve of a single ray to the compression.
+    /// Whether the compression receives the whole transmittance curve of a single light ray, instead of samples at
+    /// regular depths.
     fn whole_curve(&self) -> bool {
         self.from == DrawnFrom::Lines || self.precompress == Precompress::Table && self.taps_a_texel() == 1
     }
 
-    /// Distance of the regular lattice, mm. It is half a step for means of exact curves, so that the lattice errs by at most half
-    /// a step in depth, and longer if a ray had too many steps ([`quirks`](crate::gpu::quirks)), as for very anisotropic voxels.
+    /// Returns the distance (mm) between regular samples along a light ray of a deep shadow map. Texels that store
+    /// the mean of several exact curves use half a step, so that the samples err by at most half a step in depth. The
+    /// distance grows if a ray would need too many steps ([`quirks`](crate::gpu::quirks)), as for very anisotropic
+    /// voxels.
     fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
         let (share, most) = match self.precompress {
             Precompress::Table => (0.5, MAX_LATTICE_MARCHES),
@@ -185,7 +196,8 @@ impl DeepShadowMap {
         (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
-    /// Returns the error bound; `docs/bound.md` derives its terms.
+    /// Returns the error bound of a deep shadow map, or `None` unless its light rays are marched cell by cell with
+    /// the pre-compressed table. `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
         if self.precompress == Precompress::Off || self.march() != March::Cells {
             return None;
@@ -250,7 +262,8 @@ impl DeepShadowMap {
         }
     }
 
-    /// Builds some tiles (`None` for all) into the pool of rows; `counters` holds the rows in use.
+    /// Builds the given tiles of a deep shadow map (`None` for all) into the pool of node rows; `counters` holds the
+    /// number of rows in use.
     fn fill(
         &self,
         context: &BuildContext<'_>,
@@ -287,7 +300,7 @@ impl DeepShadowMap {
     }
 }
 
-/// Creates a pool of at least `rows` rows, in whole lines of the texture.
+/// Creates the pool of node rows of a deep shadow map: at least `rows` rows, in whole lines of the texture.
 fn create_pool(gpu: &Gpu, params: &mut DsmParams, rows: u32) -> Result<wgpu::TextureView> {
     params.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
     let size = [NODE_TEXTURE_WIDTH, params.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
@@ -321,8 +334,8 @@ impl Method for DeepShadowMap {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march()))?;
         let mut params = self.params_on_device(context, &tiles);
-        // The rows of the last build, and some more since the light has moved. At first a quarter more than texels suffices for
-        // most scenes.
+        // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
+        // quarter more rows than texels suffices for most scenes.
         let settings = self.spec().to_string();
         let known = context.pool_sizes.last(&settings);
         let more = |share: f64| (share * 1.125 * f64::from(params.tile_rows)) as u32 + params.tile_rows / 64;
@@ -334,7 +347,7 @@ impl Method for DeepShadowMap {
         let mut overflow_rows = counters.overflow_rows;
         let mut pool_growths = 0;
         if params.tile_rows + overflow_rows > params.pool_rows {
-            // Built tiles stay; tiles that lack rows are built again, behind the pool.
+            // Complete tiles stay; tiles that lack rows are built again into rows appended to the pool.
             let rows = read_back::<[u32; 2]>(gpu, &requested, tiles.built as usize)?;
             let short: Vec<usize> = (0..rows.len()).filter(|place| rows[*place][1] > 0).collect();
             let missing: u32 = short.iter().map(|place| rows[*place][0]).sum();

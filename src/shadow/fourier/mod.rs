@@ -1,21 +1,22 @@
-//! `fourier`: Fourier opacity maps.
+//! Shadow method `fourier`: Fourier opacity maps.
 //!
-//! Jansen and Bavoil 2010, *Fourier Opacity Mapping*. Extinction along a light ray, over the share `s` of the map's depth,
-//! is stored as the first terms of its Fourier series, `a_0 / 2 + sum of a_k cos(2 pi k s) + b_k sin(2 pi k s)`; optical
-//! depth is the integral of the series. The coefficients are sums over the matter along the ray, in any order, so that they can
-//! be blended and filtered.
+//! Jansen and Bavoil 2010, *Fourier Opacity Mapping*. The extinction along a light ray is a function of the depth
+//! `s`, scaled to 0 to 1 over the map's range. Each texel stores the first terms of its Fourier series, `a_0 / 2 +
+//! sum of a_k cos(2 pi k s) + b_k sin(2 pi k s)`. Optical depth is the integral of the series. The coefficients are
+//! sums over the matter along the ray, in any order, so that they can be blended and filtered.
 //!
-//! It is exact for extinction that is such a series, and rings around everything sharper: transmittance is not monotone, and
-//! exceeds 1 where the integral is negative. This is part of the method.
+//! The method is exact for extinction that is such a series, and rings around everything sharper: transmittance is
+//! not monotone, and exceeds 1 where the integral is negative. This is part of the method.
 //!
 //! Deviations from the paper, and why:
-//! * A piece of the march is a stretch, not a point: its coefficients are the means over it, in closed form.
-//! * `damping=lanczos`, which the paper does not have, weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n + 1)`: it rings less
-//!   and blurs more.
-//! * `range=map` expands the series over the map's range of depths, for all texels. `range=texel` expands it over the extent of the
-//!   matter of each texel, which a first march finds, so that all terms describe matter. Such series cannot be averaged, so the
-//!   shader filters transmittances.
-//! * A ray ends at a transmittance of 2^-11, as in every map here: matter behind does not ring.
+//! * A segment of the light ray has a length: its coefficients are the means over it, in closed form. The paper uses
+//!   points.
+//! * `damping=lanczos`, which the paper does not have, weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n +
+//!   1)`: it rings less and blurs more.
+//! * `range=map` expands the series over the map's depth range, for all texels. `range=texel` expands it over the
+//!   extent of the matter of each texel, which a first march finds, so that all terms describe matter. Such series
+//!   cannot be averaged, so the shader filters transmittances.
+//! * A light ray ends at a transmittance of 2^-11, as in every shadow map here: matter behind does not ring.
 //! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
@@ -30,21 +31,21 @@ const TEXEL_LOOKUP: &[&str] =
     &["shadow/fourier/series.wgsl", "shadow/fourier/texel.wgsl", TRANSMITTANCE_FILTER];
 
 choices! {
-    /// Weights of the terms.
+    /// Weights of the terms of the Fourier series in a Fourier opacity map.
     pub enum Damping {
-        /// Weights of 1, as in the paper.
+        /// Weight 1 for every term of the Fourier series, as in the paper.
         None = "none",
-        /// Lanczos sigma factors.
+        /// Lanczos sigma factors as weights of the Fourier terms, which reduce ringing.
         Lanczos = "lanczos",
     }
 }
 
 choices! {
-    /// Range of depths of the series.
+    /// Depth range over which a Fourier opacity map expands its series.
     pub enum SeriesRange {
-        /// That of the map.
+        /// Expands the Fourier series over the depth range of the whole shadow map.
         Map = "map",
-        /// That of the matter of each texel.
+        /// Expands the Fourier series over the depth range of the matter in each texel.
         Texel = "texel",
     }
 }
@@ -52,16 +53,17 @@ choices! {
 settings! {
     /// Settings of a Fourier opacity map.
     pub struct FourierOpacityMap {
-        /// Terms of the series beside the constant, `n` of the paper.
+        /// Number of terms of the Fourier series beside the constant term (`n` of Jansen and Bavoil 2010).
         terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").in_label().search(&["1", "3", "5", "7", "11", "15", "23", "31"]),
-        /// Depths that the series is over.
+        /// Depth range over which the Fourier series is expanded: the map's, or that of the matter in each texel.
         range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own").search_all(),
-        /// Weights of the coefficients.
+        /// Weights of the Fourier terms: all 1, or Lanczos sigma factors, which reduce ringing.
         damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less").search_all(),
-        /// Bits of a coefficient: 16 or 32.
+        /// Number of bits of each stored Fourier coefficient, a float: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float").search_all(),
         ..MapSettings,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -91,7 +93,7 @@ impl VectorMap for FourierOpacityMap {
         let defs =
             [(self.damping == Damping::Lanczos).then_some("LANCZOS"), texel_range.then_some("TEXEL_RANGE")];
         VectorMapDescriptor {
-            // Two terms for each vector; the constant counts as one, and so does a range.
+            // A vector holds two terms; the constant term and the depth range of a texel count as one term each.
             vectors: (self.terms + u32::from(texel_range)) / 2 + 1,
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,

@@ -1,5 +1,5 @@
-//! `half`: a fixed share of the light behind the first surface; the example of `docs/adding-a-method.md`, compiled with the
-//! feature `half`.
+//! Shadow method `half`: a fixed share of the light reaches points behind the first surface. It is the example of
+//! `docs/adding-a-method.md`, compiled with the feature `half`.
 
 use super::keys::settings;
 use super::method::{Entry, Lookup, Method, ShadowMap};
@@ -11,9 +11,9 @@ use crate::field::{BuildContext, field_shader};
 use crate::gpu::{Group, uniform_buffer};
 
 settings! {
-    /// Settings of `half`.
+    /// Settings of the example shadow method `half`, which lets a fixed share of the light pass the first surface.
     pub struct Half {
-        /// Share of the light behind the first surface.
+        /// Share of the light that reaches points behind the first surface, from 0 to 1.
         share: f64 = Key::number([0.0, 1.0], "0.5", "share of the light behind the first surface")
             .in_label()
             .search(&["0", "0.25", "0.5", "0.75", "1"]),

@@ -1,4 +1,5 @@
-//! Splits of the extent of a texel among the layers of `dom` and `bom`, and builds that choose one first.
+//! Division of a texel's depth range into the layers of `dom` and `bom` shadow maps, and builds that choose the
+//! division first.
 
 use super::ratio::{self, Measure, REGION_TEXELS, all_splits, choose, choose_by_region, hybrid};
 use super::{Built, LayeredMap, NO_DEPTH_PASS, Split};
@@ -9,24 +10,25 @@ use crate::shadow::method::PassLeftOut;
 use crate::shadow::settings::{Key, When, choices};
 
 choices! {
-    /// Split of the extent of a texel among layers.
+    /// Division of a texel's depth range into the layers of a deep or bounding opacity map.
     pub enum LayerSplit {
-        /// Evenly.
+        /// Divides the depth range of a texel into layers of equal thickness.
         Linear = "linear",
-        /// The k-th layer is k times as thick as the first.
+        /// Makes the k-th layer of the shadow map k times as thick as the first.
         Growing = "growing",
-        /// Logarithmic in depth.
+        /// Places layers evenly in the logarithm of depth, so that the first layers are the thinnest.
         Log = "log",
-        /// Between linear and logarithmic.
+        /// Blends the linear and the logarithmic division into layers by the ratio in the setting `ratio`.
         Hybrid = "hybrid",
-        /// Hybrid ratio chosen for the whole map.
+        /// Blends the linear and the logarithmic division into layers by one ratio, chosen for the whole shadow map.
         Auto = "auto",
-        /// Hybrid ratio chosen for each region.
+        /// Blends the linear and the logarithmic division into layers by a ratio chosen for each region of the shadow
+        /// map.
         Texel = "texel",
     }
 }
 
-/// Key of the split; methods differ in its default.
+/// Returns the setting `split`: division of a texel's depth range into layers. Methods differ in its default.
 pub const fn split_key(default: &'static str) -> Key {
     Key::choice(
         LayerSplit::NAMES,
@@ -58,7 +60,7 @@ pub const MEASURE_KEY: Key = Key::choice(
 const NO_SEARCH: PassLeftOut =
     PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
 
-/// Number and split of layers.
+/// Number of layers of a deep or bounding opacity map, and the division of the depth range into them.
 #[derive(Debug, Clone, Copy)]
 pub struct Layering {
     pub layers: u32,
@@ -69,7 +71,7 @@ pub struct Layering {
 }
 
 impl Layering {
-    /// Split that needs no choice.
+    /// Returns the division into layers; `None` if a search must choose its ratio.
     fn plain(&self) -> Option<Split> {
         match self.split {
             LayerSplit::Linear => Some(Split::Power(1.0)),
@@ -80,27 +82,27 @@ impl Layering {
         }
     }
 
-    /// Whether each texel stores the row of its split.
+    /// Whether each texel of the shadow map stores the index of its own division into layers.
     pub fn by_texel(&self) -> bool {
         self.split == LayerSplit::Texel && self.layers > 1
     }
 
-    /// Split that leads to the same shaders.
+    /// Returns a division into layers that selects the same shaders as the division that a build will choose.
     pub fn any(&self) -> Split {
         self.plain().unwrap_or(Split::Tables(Vec::new()))
     }
 
-    /// Every pass that a build of such a map may run.
+    /// Returns every shader pass that a build of a layered shadow map may run.
     pub fn passes(&self, layered_map: &LayeredMap) -> Vec<ShaderVariant> {
         let mut passes = vec![layered_map.build_shader(), super::depth_pass_shader(layered_map.shape.march)];
         passes.extend(ratio::shaders(layered_map));
         passes
     }
 
-    /// Builds a map, and chooses its split first if necessary.
+    /// Builds a layered shadow map, and first chooses its division into layers if necessary.
     ///
     /// # Errors
-    /// A map that the adapter cannot hold.
+    /// A shadow map that is too large for the graphics adapter.
     pub fn build<'a>(
         &self,
         context: &BuildContext<'a>,
@@ -108,7 +110,7 @@ impl Layering {
     ) -> Result<Built<'a>> {
         let mut shape = layered_map(self.any()).shape;
         if self.split == LayerSplit::Texel {
-            // The map of regions must cover the same.
+            // The coarse map of regions must cover the same area as the final map.
             let least = REGION_TEXELS * MapShape::LEAST_WITH_BORDER;
             shape.fits_view &= shape.texels.is_none_or(|texels| texels >= least);
         }

@@ -1,18 +1,20 @@
-//! Layered maps, which `osm`, `dom` and `bom` share.
+//! Layered shadow maps, the common part of the methods `osm`, `dom` and `bom`.
 //!
-//! All three store the optical depth at planes across the light ray of each texel, and interpolate linearly between them; they
-//! differ in the positions of the planes. They share one build (`shaders/shadow/layered/build.wgsl`, a thread for each texel,
-//! which cuts the exact pieces of the march at the planes), one packing ([`record::Record`]) and the splits of a range of depths
-//! ([`split::Split`]). `dom` and `bom` also share the choice of a split ([`layering::Layering`]).
+//! All three store the optical depth at planes across the light ray of each texel, and interpolate linearly between
+//! them. They differ in the positions of the planes. They share one build (`shaders/shadow/layered/build.wgsl`, a
+//! thread for each texel, which cuts the segments of the light ray at the planes), one packing ([`record::Record`])
+//! and the splits of a depth range into layers ([`split::Split`]). `dom` and `bom` also share the choice of a split
+//! ([`layering::Layering`]).
 //!
-//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along the light ray.
-//! Filters average `Ω`, as theirs do. The layers of a texel lie side by side, since a lookup reads two neighbouring ones. Tiles
-//! without active bricks have no records.
+//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along the
+//! light ray. Filters average `Ω`, as theirs do. The layers of a texel lie side by side, since a query for
+//! transmittance reads two neighbouring ones. Tiles without active bricks are not stored.
 //!
-//! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` in 8 bits, which keeps means of `Ω` steady. If the optical depths
-//! of neighbouring texels differ by `D`, rounded texel coordinates (1e-6 to 1e-5 of a texel) move the mean by up to `1e-5 D`, and
-//! transmittance along a ray may rise by as much. [`Average`] selects what filters average: the darkest texel dominates the mean of
-//! optical depths, which widens the shadow of an opaque edge.
+//! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` in 8 bits, which keeps means of `Ω` steady. If the
+//! optical depths of neighbouring texels differ by `D`, rounded texel coordinates (1e-6 to 1e-5 of a texel) move the
+//! mean by up to `1e-5 D`, and transmittance along a ray may rise by as much. [`Average`] selects the quantity that
+//! filters average: the darkest texel dominates the mean of optical depths, which widens the shadow of an opaque
+//! edge.
 
 mod layering;
 mod ratio;
@@ -40,14 +42,15 @@ use crate::gpu::{
 use bytemuck::{Pod, Zeroable};
 use record::RECORD_TEXTURE_WIDTH;
 
-/// Depth pass of the papers, which `dom` and `bom` do not need here.
+/// Skipped depth pass of the `dom` and `bom` papers: the march of a light ray finds the start of matter before the
+/// layers.
 const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
     why: "the march meets the start before the layers",
     optional: Some(Optimization::DepthPass),
 };
 
-/// Range of the number of layers.
+/// Smallest and largest number of layers of a layered shadow map.
 pub(super) const LAYERS: [u32; 2] = [1, 512];
 pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
@@ -63,11 +66,11 @@ pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
 .search_all();
 
 choices! {
-    /// Quantity that filters average among neighbouring texels.
+    /// Quantity that filters average among neighbouring texels of a layered shadow map.
     pub enum Average {
-        /// Optical depth, as in the papers.
+        /// Averages the optical depths of neighbouring shadow map texels, as the papers of the methods do.
         Depth = "depth",
-        /// Transmittance, as deep shadow maps do.
+        /// Averages the transmittances of neighbouring shadow map texels, as deep shadow maps do.
         Transmittance = "transmittance",
     }
 }
@@ -86,24 +89,25 @@ const CONSTANTS: &[Constant] = &[
 ];
 const READ: &str = "shadow/layered/read.wgsl";
 
-/// Description of a layered map.
+/// Description of a layered shadow map (`osm`, `dom` or `bom`): texel layout, planes, filter and size.
 pub(super) struct LayeredMap {
     pub record: Record,
     pub split: Split,
-    /// Depth of all layers if texels store no end, as a share of the map's range of depths.
+    /// Depth that all layers of the shadow map span where texels store no end depth, as a share of the map's depth
+    /// range.
     pub reach: f64,
-    /// The last layer also contains what lies behind it.
+    /// Whether the last layer of the shadow map also contains the matter behind it.
     pub last_takes_rest: bool,
     pub filter: Filter,
-    /// Quantity that filters and kernels average.
+    /// Quantity that filters and kernels average among shadow map texels: optical depth or transmittance.
     pub average: Average,
-    /// Texels on each side that a lookup averages.
+    /// Number of shadow map texels per side that a transmittance query averages.
     pub kernel: u32,
-    /// Size and fit of the map, and march of its light rays.
+    /// Size and coverage of the shadow map, and march of its light rays.
     pub shape: MapShape,
 }
 
-/// `Params` of `shaders/shadow/layered/layout.wgsl`.
+/// Uniform buffer of the layered shadow map shaders; mirrors struct `Params` in `shaders/shadow/layered/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct LayeredParams {
@@ -125,7 +129,7 @@ pub(super) struct LayeredParams {
     max_depth: f32,
 }
 
-/// A built map without its lookup.
+/// Layered shadow map after its build, without the shader code that queries it.
 pub(super) struct Built<'a> {
     pub tiles: TileMarch<'a>,
     pub report: BuildReport,
@@ -134,38 +138,38 @@ pub(super) struct Built<'a> {
     records: wgpu::TextureView,
 }
 
-/// Returns a variant with the layout of records.
+/// Returns a shader variant with the memory layout of layered shadow maps.
 pub(super) fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry).with_tile_table().modules(&["shadow/layered/layout.wgsl"]).constants(CONSTANTS)
 }
 
-/// Returns the depth pass of the papers, whose result is not used.
+/// Returns the shader of the depth pass in the `dom` and `bom` papers, whose result is not used.
 fn depth_pass_shader(march: March) -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
     start.with_march(march, "shadow/layered/start_sink.wgsl")
 }
 
 impl LayeredMap {
-    /// Returns a variant that reads records.
+    /// Returns a shader variant that reads the stored texels of a layered shadow map.
     pub fn read_shader(&self, entry: &'static str) -> ShaderVariant {
         shader(entry).modules(&[READ]).defs(self.record.read_defs()).defs(self.split.def())
     }
 
-    /// Returns the lookup of a module.
+    /// Returns the transmittance query of a layered shadow map, implemented by the given shader module.
     pub fn lookup(&self, module: &'static str) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
         Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear).defs(average))
     }
 
-    /// Returns the pass that marches.
+    /// Returns the shader of the pass that marches light rays and builds a layered shadow map.
     pub fn build_shader(&self) -> ShaderVariant {
         let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
         shader.with_march(self.shape.march, "shadow/layered/sink.wgsl")
     }
 
-    /// Returns the parameters of a map.
+    /// Returns the contents of the uniform buffer of a layered shadow map.
     pub fn params(&self, light_space: &LightSpace) -> LayeredParams {
         let record = self.record;
         let range_mm = light_space.depth_range_mm();
@@ -191,7 +195,8 @@ impl LayeredMap {
         }
     }
 
-    /// Returns size and values of the texture of tabulated splits, two rows each.
+    /// Returns the size and values of the texture that tabulates divisions into layers, two rows each; `None` if no
+    /// division is tabulated.
     fn split_rows(&self) -> Option<([u32; 2], Vec<f32>)> {
         let Split::Tables(splits) = &self.split else { return None };
         let width = (SPLIT_BINS + 1).max(self.record.layers as usize + 1);
@@ -203,11 +208,11 @@ impl LayeredMap {
         Some(([width as u32, 2 * splits.len() as u32], values))
     }
 
-    /// Builds the map. The first word of `stage` counts the texels hit, the others are the splits of regions; `None` if texels have
-    /// no splits.
+    /// Builds a layered shadow map. The first word of `stage` counts the texels whose light ray meets matter, the
+    /// others are the layer divisions of regions. `stage` is `None` if texels have no division of their own.
     ///
     /// # Errors
-    /// A map that the adapter cannot hold.
+    /// A shadow map that is too large for the graphics adapter.
     pub fn build<'a>(
         &self,
         context: &BuildContext<'a>,
@@ -253,7 +258,7 @@ impl LayeredMap {
             if self.record.depths > 0 && !with_depth_pass { &[NO_DEPTH_PASS] } else { &[] };
         built.report = BuildReport {
             device: Some(device),
-            // Whole lines of the texture are allocated.
+            // The storage texture is allocated in whole lines.
             bytes: self.record.texture_bytes(count) + other_bytes,
             bytes_used: count * self.record.bytes() + other_bytes,
             texels_hit: Some(u64::from(read_back::<u32>(gpu, stage, 1)?[0])),
@@ -268,26 +273,27 @@ impl LayeredMap {
 }
 
 impl Built<'_> {
-    /// Slots of group 1; the first are the records, which a build does not read.
+    /// Returns the bindings of shader group 1; the first is the texture of texel records, which a build does not
+    /// read.
     fn slots(&self, context: &BuildContext<'_>) -> Vec<(u32, Slot<'_>)> {
         let mut slots = vec![(3, Slot::words(&self.records)), (1, context.kernels.uniform(&self.params))];
         slots.extend(self.splits.as_ref().map(|splits| (4, Slot::floats(splits))));
         slots
     }
 
-    /// Group 1 of passes and lookups that read the map.
+    /// Returns bind group 1 of passes and transmittance queries that read the layered shadow map.
     pub fn group(&self, context: &BuildContext<'_>) -> Group {
         self.tiles.group("layered map", &self.slots(context))
     }
 
-    /// Adds the device time of a pass before the build.
+    /// Adds the device time of a pass that ran before the build of the shadow map.
     pub fn after(&mut self, before: Option<Span>) {
         if let (Some(build), Some(before)) = (self.report.device, before) {
             self.report.device = Some(before.plus(build));
         }
     }
 
-    /// Completes the map of a method.
+    /// Completes the layered shadow map with the name and transmittance query of its method.
     pub fn into_map(self, context: &BuildContext<'_>, method: &dyn Method) -> ShadowMap {
         ShadowMap {
             method: method.name(),

@@ -1,8 +1,9 @@
-//! Choice of the ratio of the hybrid split (Voicu 2011, 5.2.3, 5.2.4 and 7), for maps whose layers begin with matter.
+//! Choice of the ratio between linear and logarithmic division into layers (Voicu 2011, 5.2.3, 5.2.4 and 7), for
+//! shadow maps whose layers begin with matter.
 //!
-//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones. Here a coarse map
-//! with many layers approximates the exact curves. The device sums over its texels, and only the sums are read back (16 bytes for
-//! each layer and ratio).
+//! The thesis renders the shadow map with each of eleven ratios, reads the images back and compares neighbouring
+//! ones. Here a coarse shadow map with many layers approximates the exact curves. The device sums over its texels,
+//! and only the sums are read back (16 bytes for each layer and ratio).
 
 use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
 use crate::error::Result;
@@ -12,29 +13,33 @@ use crate::shadow::keys::Filter;
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::choices;
 
-/// Number of the ratios 0, 0.1, ... 1.
+/// Number of candidate ratios 0, 0.1, ... 1 between linear and logarithmic division into layers.
 pub const RATIOS: u32 = 11;
-/// Layers of the coarse map, and its texels on each side if one ratio is chosen for the whole map.
+/// Number of layers of the coarse shadow map from which a ratio is chosen, and its texels per side if one ratio
+/// serves the whole map.
 const CURVE_LAYERS: u32 = 128;
 const CURVE_MAP: u32 = 64;
-/// Logarithmic size of the split of the coarse map into layers.
+/// Upper end of the interval over which the coarse shadow map's logarithmic division into layers takes its logarithm.
 const CURVE_LOG_SIZE: f64 = 256.0;
-/// Texels on each side of a region that chooses its ratio.
+/// Number of shadow map texels per side of a region that has its own ratio of layer division.
 pub const REGION_TEXELS: u32 = 4;
 
 choices! {
-    /// Measure by which a ratio is chosen.
+    /// Criterion by which the ratio between linear and logarithmic division into layers is chosen.
     pub enum Measure {
-        /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
+        /// Chooses the ratio with the least correlation between neighbouring layers (Voicu 2011, Equation 5.2.3.1),
+        /// averaged over all pairs.
         Correlation = "correlation",
-        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the next, so that
-        /// this sum telescopes: the ratio with the least in the first layer is chosen. On 8-bit images, as in the thesis, ratios
-        /// with equally empty first layers tie, and the most linear of them is chosen.
+        /// Chooses the ratio with the greatest sum of absolute differences between neighbouring layers. Opacity never
+        /// falls from one plane to the next, so this sum telescopes: the ratio with the least opacity in the first
+        /// layer wins. On 8-bit images, as in the thesis, ratios with equally empty first layers tie, and the most
+        /// linear of them is chosen.
         Difference = "difference",
     }
 }
 
-/// Returns the split at a ratio from linear (0) to logarithmic (1), the logarithm over `[1, log_size]`.
+/// Returns the division into layers at a ratio from linear (0) to logarithmic (1); the logarithm runs over `[1,
+/// log_size]`.
 pub fn hybrid(ratio: f64, log_size: f64) -> SplitTable {
     let log = |x: f64| (1.0 + (log_size - 1.0) * x).log2() / log_size.log2();
     SplitTable::of(|x| (1.0 - ratio) * x + ratio * log(x))
@@ -44,17 +49,18 @@ fn ratio_of(row: u32) -> f64 {
     f64::from(row) / f64::from(RATIOS - 1)
 }
 
-/// Returns the splits of all ratios.
+/// Returns the divisions into layers of all candidate ratios.
 pub fn all_splits(log_size: f64) -> Vec<SplitTable> {
     (0..RATIOS).map(|row| hybrid(ratio_of(row), log_size)).collect()
 }
 
-/// Returns the coarse map that approximates the exact curves, over the extents of the final map.
+/// Returns a coarse shadow map that approximates the exact transmittance curves over the depth ranges of the final
+/// map.
 fn coarse_map(map: &LayeredMap) -> LayeredMap {
     let depths = map.record.depths;
     LayeredMap {
         record: Record { layers: CURVE_LAYERS, bits: 16, depths, depth_bits: 32, own_split: false },
-        // Any ratio may place planes near the start.
+        // Many thin layers near the start, since any ratio may place planes there.
         split: Split::Tables(vec![hybrid(0.5, CURVE_LOG_SIZE)]),
         reach: map.reach,
         last_takes_rest: map.last_takes_rest,
@@ -70,7 +76,7 @@ fn curves<'a>(context: &BuildContext<'a>, layered_map: &LayeredMap, map: u32) ->
     coarse_map(layered_map).build(context, TileMarch::fit(context, shape)?, None)
 }
 
-/// Returns the passes of a search for a whole map, and by region.
+/// Returns the shader passes that search for the layer ratio: one for a whole shadow map, one by region.
 pub fn shaders(layered_map: &LayeredMap) -> [ShaderVariant; 2] {
     let constants = [Constant::unsigned("RATIOS", RATIOS)];
     let whole = coarse_map(layered_map).read_shader("shadow/layered/ratio.wgsl").constants(&constants);
@@ -99,12 +105,13 @@ fn pass(
     context.run("split ratio", shader, groups, [across, down, 1])
 }
 
-/// Returns the device time of the coarse map and the search.
+/// Returns the device time of the coarse shadow map and of the search for the layer ratio.
 fn device_time(built: &Built<'_>, search: Span) -> Span {
     built.report.device.map_or(search, |build| build.plus(search))
 }
 
-/// Chooses one ratio for a whole map; returns it with the device time.
+/// Chooses one layer ratio for a whole shadow map. Returns the ratio's index, the choice for the build report, and
+/// the device time.
 pub fn choose(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
@@ -122,7 +129,8 @@ pub fn choose(
     Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, device_time(&curves, span)))
 }
 
-/// Chooses the ratio of every region; returns them in the buffer that the build reads, with the device time.
+/// Chooses the layer ratio of every region of a shadow map. Returns the ratios in the buffer that the build reads,
+/// and the device time.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
@@ -146,8 +154,9 @@ pub fn choose_by_region(
     Ok((stage, device_time(&curves, span)))
 }
 
-/// Returns the row of the best ratio, and the mean correlation of its neighbouring layers. `sums` holds, for each ratio and layer,
-/// the sums over all texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`. Of equal ratios the most linear is best.
+/// Returns the index of the best layer ratio, and the mean correlation of its neighbouring layers. `sums` holds, for
+/// each ratio and layer, the sums over all texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`, where `I_k`
+/// is the image of layer `k`. Of equally good ratios the most linear wins.
 fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32, f64) {
     let mut best = (0, 1.0, f64::INFINITY);
     for (row, sums) in (0..).zip(sums.chunks(layers)) {
@@ -170,7 +179,8 @@ fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32
     (best.0, best.1)
 }
 
-/// Returns the correlation of two images from sums in one pass (5.2.4); 1 for images without contrast.
+/// Returns the correlation of two layer images from sums accumulated in one pass (Voicu 2011, 5.2.4); 1 for images
+/// without contrast.
 fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
     let [sum_a, square_a, product, _] = a.map(f64::from);
     let [sum_b, square_b, ..] = b.map(f64::from);
@@ -183,7 +193,7 @@ fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sums over images, `images[ratio][layer][texel]`.
+    /// Computes the sums over layer images that the search shader accumulates, from `images[ratio][layer][texel]`.
     fn sums(images: &[Vec<Vec<f32>>]) -> Vec<[f32; 4]> {
         let of = |layers: &Vec<Vec<f32>>, k: usize| {
             let next = &layers[(k + 1).min(layers.len() - 1)];

@@ -1,24 +1,25 @@
-//! Packing of the layers of a texel, as in `shaders/shadow/layered/layout.wgsl`.
+//! Packing of a layered shadow map's texels into memory, as in `shaders/shadow/layered/layout.wgsl`.
 
-/// Width of the texture of records in texels.
+/// Width in texels of the texture that stores the texel records of a layered shadow map.
 pub const RECORD_TEXTURE_WIDTH: u32 = 8192;
 
-/// Record of a texel: depths and the row of its split, then one slot for each layer.
+/// Memory layout of one texel of a layered shadow map: depths and index of its layer division, then one slot for each
+/// layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Record {
     pub layers: u32,
-    /// Bits of an optical depth: 8 (a share of `kappa`), 16 or 32 (floats).
+    /// Number of bits of each layer's stored optical depth: 8 (a share of `kappa`), 16 or 32 (floats).
     pub bits: u32,
-    /// Depths of a texel: 0, 1 (start) or 2 (start and end).
+    /// Number of depths stored in a shadow map texel: 0, 1 (start of matter) or 2 (start and end).
     pub depths: u32,
-    /// Bits of a depth: 8 or 16 (steps of the map's range) or 32 (float, mm).
+    /// Number of bits of a stored depth: 8 or 16 (steps of the map's depth range) or 32 (float, mm).
     pub depth_bits: u32,
-    /// Each texel stores the row of its split, in 8 bits.
+    /// Whether each shadow map texel stores the index of its own layer division, in 8 bits.
     pub own_split: bool,
 }
 
 impl Record {
-    /// The first slot that holds a layer.
+    /// Returns the index of the first slot of a texel record that holds a layer; the slots before hold depths.
     pub fn first_slot(self) -> u32 {
         (self.depths * self.depth_bits + 8 * u32::from(self.own_split)).div_ceil(self.bits)
     }
@@ -27,15 +28,15 @@ impl Record {
         ((self.first_slot() + self.layers) * self.bits).div_ceil(32)
     }
 
-    /// Words of a texel of the texture: the largest of 4, 2 and 1 that divides a record, but enough for the header, which is read
-    /// at once.
+    /// Returns the number of 32-bit words in one texel of the storage texture: the largest of 4, 2 and 1 that divides
+    /// a texel record. It is at least the size of the record's header, which is read at once.
     pub fn block_words(self) -> u32 {
         let header = (self.first_slot() * self.bits).div_ceil(32).next_power_of_two();
         let fits = |words: &u32| self.words().is_multiple_of(*words);
         [4, 2, 1].into_iter().find(fits).unwrap_or(1).max(header)
     }
 
-    /// Texels of the texture for each record.
+    /// Returns the number of storage texture texels that one shadow map texel takes.
     pub fn blocks(self) -> u32 {
         self.words().div_ceil(self.block_words())
     }
@@ -44,7 +45,8 @@ impl Record {
         4 * u64::from(self.block_words()) * u64::from(self.blocks())
     }
 
-    /// Format of unsigned integers: storage textures of WebGPU have no single channels of 8 or 16 bits, and nothing filters them.
+    /// Returns the storage texture's format of unsigned integers. Storage textures of WebGPU have no single channels
+    /// of 8 or 16 bits, and the texture is not filtered by hardware.
     pub fn format(self) -> wgpu::TextureFormat {
         match self.block_words() {
             1 => wgpu::TextureFormat::R32Uint,
@@ -53,20 +55,20 @@ impl Record {
         }
     }
 
-    /// Size of a texture with room for `records`; at least one line.
+    /// Returns the size of a storage texture with room for `records` shadow map texels; at least one line.
     pub fn texture_size(self, records: u64) -> [u32; 2] {
         let blocks = (records * u64::from(self.blocks())).max(1);
         let lines = blocks.div_ceil(u64::from(RECORD_TEXTURE_WIDTH));
         [RECORD_TEXTURE_WIDTH, u32::try_from(lines).unwrap_or(u32::MAX)]
     }
 
-    /// Bytes of the texture that holds `records` records.
+    /// Returns the size in bytes of the storage texture for `records` shadow map texels.
     pub fn texture_bytes(self, records: u64) -> u64 {
         let [width, height] = self.texture_size(records);
         u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())
     }
 
-    /// Definitions for shaders that write records.
+    /// Returns the preprocessor definitions of shaders that write layered shadow maps.
     pub fn write_defs(self) -> Vec<&'static str> {
         let mut defs = self.read_defs();
         defs.extend(match self.block_words() {
@@ -78,7 +80,7 @@ impl Record {
         defs
     }
 
-    /// Definitions for shaders that read records.
+    /// Returns the preprocessor definitions of shaders that read layered shadow maps.
     pub fn read_defs(self) -> Vec<&'static str> {
         let mut defs = Vec::new();
         defs.extend((self.depths > 1).then_some("ENDS"));
@@ -91,9 +93,9 @@ impl Record {
         defs
     }
 
-    /// Steps of stored depths in the map's range; 1 for floats.
+    /// Returns the number of quantization steps of stored depths over the map's depth range; 1 for floats.
     pub fn depth_steps(self) -> f64 {
-        // The first step stands for no depth, the last for the end.
+        // The stored value 0 stands for a texel without matter, the largest value for the end of the range.
         if self.depth_bits < 32 { (1_u64 << self.depth_bits) as f64 - 2.0 } else { 1.0 }
     }
 }

@@ -1,21 +1,21 @@
-//! Positions of the planes between layers, as shares of the range of depths of the layers.
+//! Positions of the planes that separate the layers of a shadow map, as shares of the layers' depth range.
 
-/// Bins of a tabulated split.
+/// Number of depth bins of a tabulated division into layers.
 pub const SPLIT_BINS: usize = 1024;
 
-/// Split of a range of depths among layers.
+/// Division of a depth range into the layers of a shadow map.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Split {
-    /// Plane `k` of `K` at the share `(k / K)^exponent`.
+    /// Places plane `k` of `K` layers at the share `(k / K)^exponent` of the depth range.
     Power(f64),
-    /// The k-th layer is k times as thick as the first.
+    /// Makes the k-th layer of the shadow map k times as thick as the first.
     Growing,
-    /// Tables, from which a map or a texel selects one.
+    /// Tabulated divisions into layers, from which a shadow map or one of its texels selects one.
     Tables(Vec<SplitTable>),
 }
 
 impl Split {
-    /// Definition for shaders.
+    /// Returns the preprocessor definition with which shaders use this division into layers.
     pub fn def(&self) -> Option<&'static str> {
         match self {
             Self::Power(_) => None,
@@ -25,17 +25,18 @@ impl Split {
     }
 }
 
-/// Tabulated split: the share of the layers in front of each of `SPLIT_BINS + 1` evenly spaced depths.
+/// Tabulated division into layers: the share of the layers in front of each of `SPLIT_BINS + 1` evenly spaced depths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitTable(Vec<f64>);
 
 impl SplitTable {
-    /// Tabulates a function that rises from 0 at 0 to 1 at 1.
+    /// Tabulates a division into layers, given as a function that rises from 0 at depth 0 to 1 at depth 1.
     pub fn of(share_of_layers: impl Fn(f64) -> f64) -> Self {
         Self((0..=SPLIT_BINS).map(|i| share_of_layers(i as f64 / SPLIT_BINS as f64)).collect())
     }
 
-    /// Places planes at equal shares of a mass that is given by depth; evenly spaced without mass.
+    /// Places the planes between layers at equal shares of a mass that is given for each depth bin; evenly spaced
+    /// without mass.
     pub fn of_mass(mass: &[u32]) -> Self {
         let total: f64 = mass.iter().map(|m| f64::from(*m)).sum();
         if total == 0.0 || mass.len() != SPLIT_BINS {
@@ -50,14 +51,14 @@ impl SplitTable {
         Self(shares)
     }
 
-    /// Returns the layer coordinates at the edges of the bins, and the planes 0 to `layers`.
+    /// Returns the layer coordinates at the edges of the depth bins, and the depths of planes 0 to `layers`.
     pub fn rows(&self, layers: u32) -> [Vec<f32>; 2] {
         let count = f64::from(layers);
         let coordinates = self.0.iter().map(|s| (s * count) as f32).collect();
         [coordinates, (0..=layers).map(|k| self.plane(f64::from(k) / count) as f32).collect()]
     }
 
-    /// Returns the depth in front of which a share of the layers lies.
+    /// Returns the depth in front of which the given share of the layers lies.
     fn plane(&self, share: f64) -> f64 {
         let bins = SPLIT_BINS as f64;
         if share <= 0.0 {
@@ -87,7 +88,7 @@ mod tests {
 
     #[test]
     fn mass_is_divided_evenly() {
-        // Nothing in the first half, then three times as much in the third quarter as in the last.
+        // No mass in the first half of the depth range, three times as much in the third quarter as in the last.
         let mass: Vec<u32> = (0..SPLIT_BINS).map(|i| [0, 0, 3, 1][i / (SPLIT_BINS / 4)]).collect();
         let [_, planes] = SplitTable::of_mass(&mass).rows(4);
         let expected = [0.5, 0.5 + 1.0 / 12.0, 0.5 + 2.0 / 12.0, 0.75, 1.0];

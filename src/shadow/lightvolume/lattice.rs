@@ -1,4 +1,4 @@
-//! Lattice of a light volume: positions of nodes, blocks of a gather, and slices of a sweep.
+//! Lattice of a light volume: positions of nodes, blocks of nodes for a gather build, and slices of a sweep build.
 
 use crate::field::{ActiveBricks, BuildContext, grid_from_world};
 use crate::scene::Light;
@@ -6,23 +6,25 @@ use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec3};
 
-/// Nodes on each side of a block.
+/// Number of light volume nodes per side of a block, which one workgroup of a gather build computes.
 pub const BLOCK: u32 = 4;
-/// Bits of the coordinate of a block along an axis.
+/// Number of bits of a block's coordinate along one axis of the light volume.
 const BLOCK_BITS: u32 = 10;
 
-/// Nodes `scale` voxels apart along each axis of the grid, over the box of the active bricks; at least two along each axis.
+/// Lattice of the nodes of a light volume, `scale` voxels apart along each axis, over the box of all bricks with
+/// extinction. It has at least two nodes along each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
-    /// Grid-space position of the first node.
+    /// Grid-space position of the first node of the light volume.
     pub first: DVec3,
-    /// Grid units from one node to the next.
+    /// Distance between neighbouring nodes of the light volume, in grid units (voxels).
     pub scale: f64,
-    /// Nodes along each axis.
+    /// Number of light volume nodes along each axis.
     pub counts: UVec3,
 }
 
-/// `SweepStep` of `shaders/shadow/lightvolume/sweep.wgsl`.
+/// Uniform of one slice of a sweep through a light volume; mirrors struct `SweepStep` in
+/// `shaders/shadow/lightvolume/sweep.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct SweepStep {
@@ -34,21 +36,22 @@ pub struct SweepStep {
 }
 
 impl Lattice {
-    /// Covers the active bricks; the first node lies on a voxel.
+    /// Creates the lattice of a light volume that covers all bricks with extinction; its first node lies on a voxel.
     pub fn around(active: &ActiveBricks, dims: [usize; 3], scale: f64) -> Self {
-        // Grid space counts voxels from 1.
+        // Grid space numbers the voxels from 1.
         let [lo, hi] = active.index_box(dims).unwrap_or_default().map(|index| index + 1.0);
         let first = lo.floor();
         let counts = ((hi - first) / scale).ceil().as_uvec3() + UVec3::ONE;
         Self { first, scale, counts: counts.max(UVec3::splat(2)) }
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes of the light volume.
     pub fn nodes(&self) -> u64 {
         self.counts.to_array().iter().map(|n| u64::from(*n)).product()
     }
 
-    /// Returns the blocks with a node next to an active brick, as `shaders/shadow/lightvolume/gather.wgsl` reads them.
+    /// Returns the blocks of light volume nodes next to bricks with extinction, packed as
+    /// `shaders/shadow/lightvolume/gather.wgsl` reads them.
     pub fn blocks(&self, active: &ActiveBricks) -> Vec<u32> {
         let counts = (self.counts + (BLOCK - 1)) / BLOCK;
         let mut wanted = vec![false; counts.to_array().iter().map(|n| *n as usize).product()];
@@ -60,7 +63,7 @@ impl Lattice {
             let [x, y, _] = active.counts;
             let brick = [number % x, number / x % y, number / (x * y)];
             let lo = DVec3::from(brick.map(|b| (b * BRICK_CELLS) as f64));
-            // A filter reads the nodes on either side.
+            // Trilinear filtering reads the nodes on either side.
             let from = block(lo - self.scale);
             let to = block(lo + BRICK_CELLS as f64 + self.scale);
             for z in from.z..=to.z {
@@ -77,8 +80,9 @@ impl Lattice {
         (0..).zip(&wanted).filter(|(_, wanted)| **wanted).map(|(number, _)| name(number)).collect()
     }
 
-    /// Returns the slices of every sweep, in the order of the light. A light at infinity has one sweep, along the axis along which it
-    /// mainly travels; a point light has one for each side of a cube around it that faces nodes.
+    /// Returns the slices of every sweep through the light volume, ordered away from the light. A light at infinity
+    /// has one sweep, along the axis along which it mainly travels. A point light has one for each side of a cube
+    /// around it that faces nodes.
     pub fn steps(&self, context: &BuildContext<'_>) -> Vec<SweepStep> {
         let grid_from_world = grid_from_world(context.volume);
         let counts = self.counts.to_array();
@@ -96,8 +100,8 @@ impl Lattice {
         }
     }
 
-    /// Returns the sweep away from a point light along an axis, up or `down`; empty if no node lies closer to that axis than to the
-    /// others.
+    /// Returns the slices of one sweep through the light volume, away from a point light along an axis, up or `down`.
+    /// The list is empty if no node lies closer to that axis than to the others.
     fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<SweepStep> {
         let last = (self.counts - 1).as_dvec3().to_array();
         let light = light.to_array();
@@ -117,7 +121,7 @@ impl Lattice {
     }
 }
 
-/// Returns slices along an axis, from the light on.
+/// Returns the slices of a light volume along an axis, ordered away from the light.
 fn sweep(axis: usize, down: bool, slices: std::ops::Range<u32>, whole: bool) -> Vec<SweepStep> {
     let step = |(i, slice): (u32, u32)| SweepStep {
         axis: axis as u32,
@@ -147,12 +151,12 @@ mod tests {
         let slices = |light: [f64; 3], axis, down| {
             lattice.side(light.into(), axis, down).iter().map(|s| s.slice).collect::<Vec<_>>()
         };
-        // Far along x: from there alone.
+        // A light far away along x needs one sweep, from its side.
         assert_eq!(slices([-100.0, 10.0, 15.0], 0, false), (0..10).collect::<Vec<_>>());
         for (axis, down) in [(0, true), (1, false), (1, true), (2, false), (2, true)] {
             assert_eq!(slices([-100.0, 10.0, 15.0], axis, down), [0; 0], "{axis} {down}");
         }
-        // Within: to all sides, and nothing is left out between them.
+        // A light inside the lattice needs sweeps to all sides, without a gap between them.
         assert_eq!(slices([4.5, 10.0, 15.0], 0, false), [5, 6, 7, 8, 9]);
         assert_eq!(slices([4.5, 10.0, 15.0], 0, true), [4, 3, 2, 1, 0]);
         assert_eq!(slices([4.5, 10.0, 15.0], 2, true).first(), Some(&15));

@@ -1,20 +1,22 @@
-//! `lightvolume`: a light volume.
+//! Shadow method `lightvolume`: light volumes.
 //!
-//! As in most volume renderers, a volume on a coarser lattice stores the light that arrives, and is filtered like any other
-//! (Behrens and Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). Nothing aliases in the projection of the light,
-//! but shadows are no sharper than the lattice.
+//! As in most volume renderers, a second volume on a coarser lattice stores the light that arrives at each node
+//! (Behrens and Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). It is filtered like any other
+//! volume. Nothing aliases in the projection of the light, but shadows are no sharper than the lattice.
 //!
 //! * `build=gather` marches from every node to the light, which is exact at nodes.
-//! * `build=sweep` advances through slices away from the light, as the paper and half-angle slicing (Kniss et al. 2003, *A Model for
-//!   Volume Lighting and Modeling*) do. The light at a node is the light where its ray passes the slice before, filtered among four
-//!   nodes, attenuated between the slices. Each ray is marched once, but filtering spreads the light from slice to slice.
+//! * `build=sweep` advances through slices away from the light, as the paper and half-angle slicing (Kniss et al.
+//!   2003, *A Model for Volume Lighting and Modeling*) do. The light at a node is the light where its ray passes the
+//!   previous slice, filtered among four nodes and attenuated between the slices. Each ray is marched once, but
+//!   filtering spreads the light from slice to slice.
 //!
 //! Deviations from the papers, and why:
-//! * Slices lie across the axis of the grid along which light mainly travels, not across the light or halfway to the eye: nodes do
-//!   not move with the camera. A point light has up to six sweeps, one for each side of a cube around it.
-//! * The space between two slices is marched as for every method here; the papers blend one texture slice.
-//! * The lattice covers the active bricks. In empty space a lookup continues to the first active brick towards the light, so that a
-//!   gather marches only from nodes next to active bricks.
+//! * Slices lie across the axis of the grid along which light mainly travels, not across the light or halfway to the
+//!   eye: nodes do not move with the camera. A point light has up to six sweeps, one for each side of a cube around
+//!   it.
+//! * The space between two slices is marched as in every method here; the papers blend one texture slice.
+//! * The lattice covers the active bricks. In empty space a query for transmittance continues to the first active
+//!   brick towards the light, so that a gather marches only from nodes next to active bricks.
 //! * 8 bits are the papers'; 16-bit and 32-bit floats exist, too.
 
 mod lattice;
@@ -35,11 +37,11 @@ use bytemuck::{Pod, Zeroable};
 use lattice::{BLOCK, Lattice};
 
 choices! {
-    /// Build of the light volume.
+    /// Algorithm that builds a light volume: a march from every node, or a sweep slice by slice.
     pub enum LightBuild {
-        /// A march from every node.
+        /// Marches from every node of the light volume to the light.
         Gather = "gather",
-        /// Slice by slice.
+        /// Sweeps through the light volume slice by slice, away from the light.
         Sweep = "sweep",
     }
 }
@@ -47,19 +49,20 @@ choices! {
 settings! {
     /// Settings of a light volume.
     pub struct LightVolume {
-        /// Voxels from one node to the next, along each axis.
+        /// Distance between neighbouring nodes of the light volume along each axis, in voxels.
         scale: f64 = Key::number([0.5, 64.0], "2", "voxels from one node to the next").in_label().search(&["16", "8", "6", "4", "3", "2", "1.5", "1"]),
-        /// Construction of the volume.
+        /// Algorithm that builds the light volume: a march from every node, or a sweep slice by slice.
         build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
-        /// Bits of a node: 8, 16 or 32.
+        /// Number of bits stored for each node of the light volume: 8, 16 or 32.
         bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
-        /// Quantity that nodes store and filters average: optical depth or transmittance.
+        /// Quantity that the light volume stores and filters average: optical depth or transmittance.
         average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
-        /// March of light rays.
+        /// March of light rays: cell by cell and exact, or by samples at regular distances.
         march: MarchBy = MARCH_KEY,
-        /// Distance of samples along light rays, in smallest voxel spacings.
+        /// Distance between regular samples along a light ray, in units of the smallest voxel spacing.
         step: f64 = STEP_KEY,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the light volume, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -75,14 +78,14 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [17, 119, 51], marker: Marker::Triad },
 };
 
-/// Bytes of packed layers that are copied at a time.
+/// Size of the packed light volume slices that are copied at a time, bytes.
 const PACKED_BYTES: u64 = 1 << 24;
 /// Alignment of rows in copies from buffers to textures, bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
-/// Nodes on each side of a workgroup of the other shaders.
+/// Number of light volume nodes per side of a workgroup in the sweep and pack shaders.
 const SQUARE: u32 = 8;
 
-/// `Lattice` of `shaders/shadow/lightvolume/lattice.wgsl`.
+/// Uniform buffer of a light volume's lattice; mirrors struct `Lattice` in `shaders/shadow/lightvolume/lattice.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct LatticeParams {
@@ -92,7 +95,8 @@ struct LatticeParams {
     max_depth: f32,
 }
 
-/// `Layers` of `shaders/shadow/lightvolume/pack.wgsl`.
+/// Uniform buffer of the pass that packs light volume slices; mirrors struct `Layers` in
+/// `shaders/shadow/lightvolume/pack.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Layers {
@@ -101,7 +105,7 @@ struct Layers {
     row_words: u32,
 }
 
-/// Lattice and uniforms of all passes of a build.
+/// Lattice and uniform buffers that all passes of a light volume build share.
 struct LatticePasses<'a> {
     context: &'a BuildContext<'a>,
     lattice: Lattice,
@@ -141,7 +145,8 @@ impl LightVolume {
         self.shader("shadow/lightvolume/pack.wgsl")
     }
 
-    /// Largest stored optical depth; in 8 bits the largest that differs from darkness.
+    /// Returns the largest optical depth that the light volume stores; in 8 bits the largest that differs from
+    /// darkness.
     fn max_depth(&self) -> f32 {
         if self.bits == 8 { 8.0 * std::f32::consts::LN_2 } else { OPAQUE_DEPTH }
     }
@@ -154,7 +159,7 @@ impl LightVolume {
         }
     }
 
-    /// Marches from every node next to an active brick.
+    /// Builds the light volume by a march to the light from every node next to a brick with extinction.
     fn gather(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
         let LatticePasses { context, lattice, .. } = passes;
         let blocks = lattice.blocks(&context.transfer.active);
@@ -165,7 +170,7 @@ impl LightVolume {
         context.run_over(list, "light volume gather", &self.gather_shader(), &group, &stage)
     }
 
-    /// Advances through slices away from the light.
+    /// Builds the light volume by a sweep through its slices, away from the light.
     fn sweep(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
         let LatticePasses { context, lattice, .. } = passes;
         let gpu = context.gpu();
@@ -187,7 +192,7 @@ impl LightVolume {
         context.run_steps("light volume sweep", &self.sweep_shader(), &passes.group(&[]), &steps)
     }
 
-    /// Packs the nodes into `bits` bits, which lookups read.
+    /// Packs the nodes of the light volume into the `bits` bits each that transmittance queries read.
     fn packed(&self, passes: &LatticePasses<'_>, nodes: VolumeTexture) -> Result<(VolumeTexture, Span)> {
         let LatticePasses { context, lattice, .. } = passes;
         if self.bits == 32 {

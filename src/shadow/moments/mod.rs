@@ -1,35 +1,40 @@
-//! `moments`: moment-based transmittance.
+//! Shadow method `moments`: moment-based transmittance.
 //!
-//! Münstermann, Krumpen, Klein and Peters 2018, *Moment-Based Order-Independent Transparency*, and Peters, Münstermann,
-//! Wetzstein and Klein 2016, *Beyond Hard Shadows: Moment Shadow Maps for Single Scattering, Soft Shadows and Translucent
-//! Occluders*. A texel stores the optical depth `b_0` of its ray and the first moments `b_1 ... b_n` of its distribution by depth:
-//! means of powers of the depth, from -1 to 1 over the map's range (`basis=power`), or of points on the unit circle
-//! (`basis=trigonometric`, whose 2, 3 or 4 complex numbers are 4, 6 or 8 real ones). They are sums, and so can be blended
-//! and filtered.
+//! Münstermann, Krumpen, Klein and Peters 2018, *Moment-Based Order-Independent Transparency*, and Peters,
+//! Münstermann, Wetzstein and Klein 2016, *Beyond Hard Shadows: Moment Shadow Maps for Single Scattering, Soft
+//! Shadows and Translucent Occluders*. A texel stores the optical depth `b_0` of its light ray and the first moments
+//! `b_1 ... b_n` of its distribution over depth. With `basis=power` the moments are means of powers of the depth,
+//! scaled to -1 to 1 over the map's range. With `basis=trigonometric` they are means of points on the unit circle: 2,
+//! 3 or 4 complex numbers, i.e. 4, 6 or 8 real ones. Moments are sums, and so can be blended and filtered.
 //!
-//! Moments bound the share of `b_0` in front of any depth from below and above. The optical depth used lies between these bounds,
-//! at the fraction `beta` (the paper's overestimation). With `basis=power`, `beta=0` is never darker than the exact transmittance
-//! and `beta=1` never lighter, but for rounding and bias. On the circle these are no bounds, since the zone in which it closes is
-//! counted in parts. The result is exact for up to `n / 2` thin sheets.
+//! Moments bound the share of `b_0` in front of any depth from below and above. The optical depth used lies between
+//! these bounds, at the fraction `beta` (the paper's overestimation). With `basis=power`, `beta=0` is never darker
+//! than the exact transmittance and `beta=1` never lighter, except for rounding and bias. On the circle these are no
+//! bounds, since points in the wrapping zone, in which the circle closes, count only partly. The result is exact for
+//! up to `n / 2` thin sheets.
 //!
 //! Deviations from the papers, and why:
-//! * A piece of the march is a stretch and not a point: its moments are the means over it, in closed form.
-//! * The bounds follow from the weights of the canonical distribution (Tari et al. 2005), which come from its kernel polynomial,
-//!   not from an interpolating polynomial. They are positive and normalised to a sum of one, so that transmittance stays between
-//!   `exp(-b_0)` and 1. Roots are relative to the depth of the lookup, where they are finite, also on the circle.
-//! * A point in the zone in which the circle closes (the paper's wrapping zone, a tenth of pi) counts by its angle.
-//! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle if matter lies close to an end of the
-//!   range. In float32 it also rises for powers in thin matter, whose moments are nearly those of fewer sheets: by up to 0.04 in
-//!   the worst `stability` case.
-//! * Depth is linear over the map's range, as in the shadow maps of 2016; for transparency the paper warps it by a logarithm.
-//! * With `bits=16` a moment is stored in even steps from -1 to 1. The papers store powers after a matrix that was optimised for
-//!   rounding; here the means of Chebyshev polynomials are stored, from which powers follow with positive weights. The optical
-//!   depth is a 32-bit float, as in the papers. The shader filters texels, since core WebGPU stores no 16-bit steps and not every
-//!   adapter filters 32-bit floats.
-//! * `bias` is a factor to the paper's bias: with 32-bit floats 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
-//!   1.5e-6 for 2, 3 and 4 complex ones; with 16 bits 4e-4, 6.5e-4 and 8.5e-4 for complex
-//!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev means are finer.
-//! * A ray ends at a transmittance of 2^-11, as in every map here.
+//! * A segment of the light ray has a length: its moments are the means over it, in closed form. The papers use
+//!   points.
+//! * The bounds follow from the weights of the canonical distribution (Tari et al. 2005), which come from its kernel
+//!   polynomial, not from an interpolating polynomial. They are positive and normalised to a sum of one, so that
+//!   transmittance stays between `exp(-b_0)` and 1. Roots are relative to the depth of the query, where they are
+//!   finite, also on the circle.
+//! * A point in the wrapping zone (a tenth of pi) counts by its angle.
+//! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle if matter lies close
+//!   to an end of the range. In float32 it also rises for powers in thin matter, whose moments are nearly those of
+//!   fewer sheets: by up to 0.04 in the worst `stability` case.
+//! * Depth is linear over the map's range, as in the shadow maps of 2016; for transparency the paper warps it by a
+//!   logarithm.
+//! * With `bits=16` a moment is stored in even steps from -1 to 1. The papers store powers after a matrix that was
+//!   optimised for rounding; here the means of Chebyshev polynomials are stored, from which powers follow with
+//!   positive weights. The optical depth is a 32-bit float, as in the papers. The shader filters texels, since core
+//!   WebGPU stores no 16-bit steps and not every adapter filters 32-bit floats.
+//! * `bias` is a factor on the paper's bias. With 32-bit floats the paper's bias is 5e-7, 5e-6 and 5e-5 for 4, 6 and
+//!   8 power moments, and 4e-7, 8e-7 and 1.5e-6 for 2, 3 and 4 complex ones. With 16 bits it is 4e-4, 6.5e-4 and
+//!   8.5e-4 for complex ones. For power moments a tenth of the papers' 6e-5, 6e-4 and 2.5e-3 is taken, since steps of
+//!   Chebyshev means are finer.
+//! * A light ray ends at a transmittance of 2^-11, as in every shadow map here.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
@@ -39,9 +44,10 @@ use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 use bytemuck::{Pod, Zeroable};
 
-/// Norm of an orthogonal polynomial up to which it is a rounding error.
+/// Norm of an orthogonal polynomial below which it counts as a rounding error, when moments are evaluated.
 const LEAST_NORM: f32 = 1e-11;
-/// Angle without depths, in which the circle closes.
+/// Angle on the unit circle to which no depth is mapped: the circle closes there (wrapping zone of Münstermann et al.
+/// 2018).
 const CLOSING_ANGLE: f32 = 0.1 * std::f32::consts::PI;
 
 const ROOTS: &str = "shadow/moments/roots.wgsl";
@@ -52,30 +58,31 @@ const WORDS: &str = "shadow/moments/words.wgsl";
 const LOOKUP: &str = "shadow/moments/lookup.wgsl";
 
 choices! {
-    /// Functions of depth whose means are the moments.
+    /// Basis functions of depth whose means are the moments of a moment shadow map.
     pub enum Basis {
-        /// Powers of the depth.
+        /// Uses powers of the depth as basis functions of the moments.
         Power = "power",
-        /// Points on the unit circle, and their powers.
+        /// Maps depth to points on the unit circle and uses their complex powers as basis functions of the moments.
         Trigonometric = "trigonometric",
     }
 }
 
 settings! {
-    /// Settings of a map of moments.
+    /// Settings of a moment shadow map.
     pub struct MomentMap {
-        /// Real numbers a texel beside the optical depth: 4, 6 or 8.
+        /// Number of moments stored in each texel of a moment shadow map beside the optical depth: 4, 6 or 8.
         moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").in_label().search_all(),
         /// Basis functions of the moments: powers of the depth, or of points on the unit circle.
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
-        /// Interpolation between the smallest (0) and largest (1) optical depth that the moments allow.
+        /// Interpolation between the smallest (0) and the largest (1) optical depth that the stored moments allow.
         beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
-        /// Bits of a moment: 16 or 32.
+        /// Number of bits of each stored moment: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float").search_all(),
-        /// Factor to the paper's bias.
+        /// Factor on the bias that Münstermann et al. 2018 apply to moments against rounding errors.
         bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
         ..MapSettings,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -91,7 +98,7 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [51, 34, 136], marker: Marker::Right },
 };
 
-/// `MomentParams` of `shaders/shadow/moments/params.wgsl`.
+/// Uniform buffer of moment shadow maps; mirrors struct `MomentParams` in `shaders/shadow/moments/params.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct MomentParams {
@@ -103,7 +110,8 @@ struct MomentParams {
 }
 
 impl MomentMap {
-    /// Returns the paper's bias, and the even moments of the distribution towards which powers are biased.
+    /// Returns the bias of moments from Münstermann et al. 2018, and the even moments of the distribution towards
+    /// which power moments are biased.
     fn unit_bias(&self) -> (f64, [f32; 4]) {
         let (float_bias, word_bias, biased_moments) = match (self.basis, self.moments) {
             (Basis::Power, 4) => (5e-7, 6e-6, [0.375, 0.375, 0.0, 0.0]),
@@ -116,7 +124,7 @@ impl MomentMap {
         (if self.in_words() { word_bias } else { float_bias }, biased_moments)
     }
 
-    /// Whether moments are stored in 16 bits.
+    /// Whether the shadow map stores moments in 16 bits.
     fn in_words(&self) -> bool {
         self.bits == 16
     }
@@ -147,7 +155,7 @@ impl VectorMap for MomentMap {
             _ => "DEGREE_4",
         };
         VectorMapDescriptor {
-            // One word for the optical depth and one for every two moments, or one number for each.
+            // 16 bits: one word for the optical depth and one for every two moments. 32 bits: one float for each.
             vectors: if self.in_words() { self.moments / 2 + 1 } else { self.moments + 1 }.div_ceil(4),
             storage: if self.in_words() { VectorStorage::Words } else { VectorStorage::Single },
             filter: self.filter,

@@ -1,4 +1,4 @@
-//! `none`: no shadows.
+//! Shadow method `none`: no shadows.
 
 use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
 use super::settings::Value;
@@ -6,7 +6,7 @@ use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, LightSpace, MapShape, March};
 
-/// Method without shadows: all light reaches every point.
+/// Shadow method without shadows: the full light reaches every point.
 #[derive(Debug, Clone, Copy)]
 pub struct NoShadows;
 
@@ -39,15 +39,15 @@ impl Method for NoShadows {
     }
 }
 
-/// Texels on each side of the light space in which methods without a map are tested.
+/// Number of texels per side of the light space in which shadow methods without a map are tested.
 const TEST_MAP: u32 = 512;
 
-/// Returns the light space of methods without a map.
+/// Returns the light space (projection of the light) for shadow methods without a map.
 pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
     context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march })
 }
 
-/// Returns a shadow structure with a light space and no map.
+/// Returns the shadow data of a method without a map: the light space and the transmittance query only.
 pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
     let light_space = test_space(context, March::Cells);
     let light = context.light_uniform(&light_space);

@@ -1,17 +1,18 @@
-//! `osm`: opacity shadow maps.
+//! Shadow method `osm`: opacity shadow maps.
 //!
-//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) is the depth of the i-th map, `D_0` the
-//! least depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored
+//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) is the depth of the i-th map, `D_0`
+//! the least depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored
 //! opacities with `exp(-κ) = 2^-d` for `d` bits. `T = exp(-κ Ω)`, `Ω` linear between `D_(i-1)` and `D_i`.
 //!
 //! Deviations from the paper, and why:
 //! * The planes of a point light are spheres: depth is distance along the light ray, as for every method here.
-//! * One pass that marches the ray of each texel makes all maps; the paper draws the primitives once for each map.
-//! * `slicing=density` is the limit of the paper's 1-D BSP: planes at equal shares of the optical mass by depth, summed over
-//!   128 x 128 rays in 1024 bins. Planes begin at the first bin with mass; matter in front of it that is narrower than the spacing
-//!   of rays casts no shadow there. Mass that no light reaches counts, too; `slicing=lit` sums the lost light instead.
-//!   `slicing=gamma` places plane `i` at the share `(i / N)^2.2`.
-//! * All maps are stored, since a ray caster looks depths up in any order; the paper stores two at a time.
+//! * One pass that marches the light ray of each texel makes all maps; the paper draws the primitives once for each
+//!   map.
+//! * `slicing=density` is the limit of the paper's 1-D BSP: planes at equal shares of the optical mass by depth,
+//!   summed over 128 x 128 rays in 1024 bins. Planes begin at the first bin with mass; matter in front of it that is
+//!   narrower than the spacing of rays casts no shadow there. Mass that no light reaches counts, too; `slicing=lit`
+//!   sums the lost light instead. `slicing=gamma` places plane `i` at the share `(i / N)^2.2`.
+//! * All maps are stored, since a ray caster queries depths in any order; the paper stores two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
@@ -25,21 +26,21 @@ use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 
-/// Exponent of `slicing=gamma`.
+/// Exponent of the plane positions with `slicing=gamma`.
 const GAMMA: f64 = 2.2;
-/// Rays on each side of the pass that sums the optical mass.
+/// Number of light rays per side in the pass that sums the optical mass of the volume by depth.
 const MASS_RAYS: u32 = 128;
 
 choices! {
-    /// Positions of the planes.
+    /// Placement of the planes of an opacity shadow map in depth.
     pub enum Slicing {
-        /// Evenly spaced.
+        /// Places the planes of an opacity shadow map at equal distances.
         Uniform = "uniform",
-        /// Equal shares of the optical mass, lit or not.
+        /// Places the planes at equal shares of the optical mass (optical depth summed over light rays), lit or not.
         Density = "density",
-        /// Equal shares of the absorbed light.
+        /// Places the planes of an opacity shadow map at equal shares of the absorbed light.
         Lit = "lit",
-        /// Spacing that grows away from the light.
+        /// Places the planes of an opacity shadow map at distances that grow away from the light.
         Gamma = "gamma",
     }
 }
@@ -47,23 +48,25 @@ choices! {
 settings! {
     /// Settings of an opacity shadow map.
     pub struct OpacityShadowMap {
-        /// Maps, `N` of the paper.
+        /// Number of planes of an opacity shadow map (`N` of Kim and Neumann 2001).
         layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
-        /// Placement of the planes.
+        /// Placement of the planes of an opacity shadow map in depth.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
             "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
         )
         .search_all(),
-        /// Texels a side that a lookup averages: 1 or 3.
+        /// Number of shadow map texels per side that a transmittance query averages: 1 or 3.
         kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged").search_all(),
-        /// Bits of a stored optical depth: 8, 16 or 32.
+        /// Number of bits of each optical depth stored in an opacity shadow map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// Quantity that filters and the kernel average: optical depth or transmittance.
+        /// Quantity that bilinear filtering and the kernel average among shadow map texels: optical depth or
+        /// transmittance.
         average: Average = AVERAGE_KEY,
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
+        /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }
@@ -79,7 +82,7 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [230, 159, 0], marker: Marker::Square },
 };
 
-/// Pass that a single plane does not need.
+/// Skipped pass that sums the optical mass: an opacity shadow map with a single plane does not need it.
 const NOT_WEIGHED: PassLeftOut =
     PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
 
@@ -101,7 +104,7 @@ impl OpacityShadowMap {
         LayeredMap { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
-    /// Split that does not depend on the mass.
+    /// Returns the placement of the planes as a division into layers; `None` if it depends on the optical mass.
     fn plain_split(&self) -> Option<Split> {
         match self.slicing {
             Slicing::Uniform => Some(Split::Power(1.0)),
@@ -110,7 +113,7 @@ impl OpacityShadowMap {
         }
     }
 
-    /// Sums optical mass, or lost light, by depth, in fixed point.
+    /// Sums the optical mass of the volume, or the light it absorbs, in bins of depth, in fixed point.
     fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
         let gpu = context.gpu();
         let params = self.layered_map(Split::Power(1.0)).params(&tiles.light_space);

@@ -1,4 +1,4 @@
-//! `rays`: a shadow ray for each lookup.
+//! Shadow method `rays`: marches a shadow ray for each transmittance query.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::{Entry, Lookup, Method, ShadowMap};
@@ -10,12 +10,13 @@ use crate::error::Result;
 use crate::field::{BuildContext, field_shader};
 
 settings! {
-    /// Settings of `rays`, which marches a shadow ray for each lookup as maps are built; the reference for pictures.
+    /// Settings of the shadow method `rays`, the reference for pictures. Each transmittance query marches a shadow
+    /// ray in the way that shadow maps are built.
     ///
-    /// Up to four segments of an eye ray share their lookups (`shaders/render/raycast.wgsl`), as with every method here;
-    /// `lookup=each` is the shadow ray for each sample of the literature.
+    /// Up to four segments of a camera ray share their queries (`shaders/render/raycast.wgsl`), as with every shadow
+    /// method; `lookup=each` casts one shadow ray for each sample, as in the literature.
     pub struct ShadowRays {
-        /// Lookups of light by eye samples.
+        /// Whether neighbouring samples of a camera ray share one shadow ray, or each casts its own.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

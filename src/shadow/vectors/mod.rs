@@ -1,13 +1,14 @@
-//! Maps with a fixed number of four-vectors for each texel, which `fourier`, `moments`, `clusters` and `avsm` share. Each of them
-//! is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows from them.
+//! Shadow maps with a fixed number of four-vectors in each texel, the common part of `fourier`, `moments`, `clusters`
+//! and `avsm`. Each of these methods is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows
+//! from them.
 //!
-//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a sink of the method) and one atlas
-//! of tiles. Every tile has a margin of one texel that repeats its neighbours (324 instead of 256 texels), so that the
-//! hardware's filter, for which `fourier` and `moments` are made, never leaves a tile. Tiles without active bricks take no
-//! memory, as in every map here.
+//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a sink of the method) and
+//! one texture atlas of shadow map tiles. Every tile has a margin of one texel that repeats its neighbours (324
+//! instead of 256 texels). So the hardware's texture filter, for which `fourier` and `moments` are made, never leaves
+//! a tile. Tiles without active bricks take no memory, as in every shadow map here.
 //!
-//! A ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. Pieces of the march are whole stretches of a cell, whose
-//! matter is taken to be spread evenly; `avsm` takes shorter pieces.
+//! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
+//! within one cell, whose matter is assumed to be uniform; `avsm` takes shorter segments.
 
 use super::keys::{Filter, Lookups};
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
@@ -20,31 +21,32 @@ use crate::gpu::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Uniform of one method.
+/// Contents of a shadow method's own uniform buffer: eight floats.
 pub type MethodParams = [f32; 8];
-/// Binding of [`MethodParams`] in group 1.
+/// Binding of the uniform [`MethodParams`] in shader group 1.
 const PARAMS_BINDING: u32 = 5;
-/// Texels a side of a tile with its margin.
+/// Number of texels per side of a shadow map tile with its margin.
 const TILE_SIDE: u32 = TILE + 2;
-/// Tiles across the textures of every adapter.
+/// Number of shadow map tiles that fit across a texture on every adapter.
 const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 
-/// The lookup of methods whose vectors cannot be averaged: it averages the transmittances of `umbravox::texel_curve`.
+/// Shader of transmittance queries for methods whose vectors cannot be averaged: it averages the transmittances of
+/// `umbravox::texel_curve`.
 pub(super) const TRANSMITTANCE_FILTER: &str = "shadow/vectors/filter.wgsl";
 
-/// Storage of a vector.
+/// Storage format of the four-vectors in a shadow map texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VectorStorage {
-    /// 16-bit floats.
+    /// Stores the components of four-vectors as 16-bit floats.
     Half,
-    /// 32-bit floats.
+    /// Stores the components of four-vectors as 32-bit floats.
     Single,
-    /// 32-bit words, packed and unpacked by the method.
+    /// Stores the components of four-vectors as 32-bit words, which the shadow method packs and unpacks.
     Words,
 }
 
 impl VectorStorage {
-    /// Floats of 16 or 32 bits.
+    /// Returns the storage format of four-vectors with floats of 16 or 32 bits.
     pub fn floats(bits: u32) -> Self {
         if bits == 16 { Self::Half } else { Self::Single }
     }
@@ -57,49 +59,51 @@ impl VectorStorage {
         }
     }
 
-    /// Bytes of a vector.
+    /// Returns the size of a stored four-vector, bytes.
     fn bytes(self) -> u64 {
         if self == Self::Half { 8 } else { 16 }
     }
 }
 
-/// Description of a map of vectors.
+/// Description of a shadow map that stores four-vectors in its texels.
 pub struct VectorMapDescriptor {
-    /// Four-vectors of a texel.
+    /// Number of four-vectors in each shadow map texel.
     pub vectors: u32,
-    /// Storage of a vector.
+    /// Storage format of the four-vectors in a shadow map texel.
     pub storage: VectorStorage,
-    /// Filter among the texels around a point.
+    /// Interpolation between the shadow map texels around a point: nearest or bilinear.
     pub filter: Filter,
-    /// Vectors may be averaged, as the hardware's filter does.
+    /// Whether the four-vectors of neighbouring texels may be averaged, as hardware texture filtering does.
     pub linear: bool,
-    /// Size and fit of the map, and march of its light rays.
+    /// Size and coverage of the shadow map, and march of its light rays.
     pub shape: MapShape,
-    /// Constants of the modules of the method.
+    /// Constants of the shadow method's shader modules.
     pub constants: Vec<Constant>,
-    /// Definitions of the modules of the method.
+    /// Preprocessor definitions of the shadow method's shader modules.
     pub defs: Vec<&'static str>,
-    /// Marches for each ray, if the sink needs more than one.
+    /// Number of marches along each light ray; `None` for a single march.
     pub marches: Option<u32>,
-    /// File of the module `umbravox::sink`.
+    /// File of the shader module `umbravox::sink`, which receives the pieces of matter along a light ray.
     pub sink: &'static str,
-    /// File of the module `umbravox::method`, behind those that it imports.
+    /// Files of the shader module `umbravox::method` with the transmittance query, preceded by the modules that it
+    /// imports.
     pub lookup: &'static [&'static str],
-    /// Uniform of the method at [`PARAMS_BINDING`], and the file of the module that declares it.
+    /// Uniform of the shadow method at [`PARAMS_BINDING`], and the file of the shader module that declares it.
     pub params: Option<(&'static str, MethodParams)>,
-    /// Lookups of light by eye samples.
+    /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each makes
+    /// its own.
     pub lookup_mode: Lookups,
 }
 
-/// A method whose map has a fixed number of vectors for each texel.
+/// Shadow method whose map has a fixed number of four-vectors in each texel.
 pub trait VectorMap: std::fmt::Debug + Send + Sync {
-    /// Entry of the registry.
+    /// Returns the registry entry of the shadow method.
     fn entry(&self) -> &'static Entry;
-    /// Values of the keys.
+    /// Returns the values of the shadow method's settings, in the order of the entry's keys.
     fn values(&self) -> Vec<Value>;
-    /// Map that follows from the settings.
+    /// Returns the description of the shadow map that follows from the method's settings.
     fn descriptor(&self) -> VectorMapDescriptor;
-    /// Course of the transmittance along a light ray.
+    /// Returns the shape of the method's transmittance curve along a light ray.
     fn curve(&self) -> Curve {
         Curve::Falls
     }
@@ -131,7 +135,7 @@ impl<M: VectorMap> Method for M {
     }
 }
 
-/// `VectorMap` of `shaders/shadow/vectors/layout.wgsl`.
+/// Uniform buffer of shadow maps of four-vectors; mirrors struct `VectorMap` in `shaders/shadow/vectors/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct VectorParams {
@@ -153,12 +157,12 @@ impl VectorMapDescriptor {
         shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied()).defs(words)
     }
 
-    /// Whether the hardware filters: not every adapter filters 32-bit floats.
+    /// Whether the hardware filters the shadow map's texture; not every adapter filters 32-bit floats.
     fn hardware_filter(&self) -> bool {
         self.linear && self.storage == VectorStorage::Half && self.filter == Filter::Bilinear
     }
 
-    /// Shader of the pass that marches.
+    /// Returns the shader of the pass that marches light rays and builds the shadow map.
     fn build_shader(&self) -> ShaderVariant {
         let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader
@@ -175,13 +179,14 @@ impl VectorMapDescriptor {
         Lookup::new(shader).with_lookup_mode(self.lookup_mode)
     }
 
-    /// Bytes of the vectors of a texel.
+    /// Returns the size of the four-vectors of one shadow map texel, bytes.
     fn texel_bytes(&self) -> u64 {
         u64::from(self.vectors) * self.storage.bytes()
     }
 
-    /// Returns the tiles across the atlas, and its sides in texels: as few rows as textures of every adapter allow, so that little
-    /// of the last row stays empty; nearly square if textures are not high enough.
+    /// Returns the number of shadow map tiles across the texture atlas, and its sides in texels. It uses as few rows
+    /// as textures of every adapter allow, so that little of the last row stays empty. The atlas is nearly square if
+    /// textures are not high enough.
     fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
         let tiles = tiles.max(1);
         let wide = tiles.div_ceil(TILES_ACROSS);
@@ -191,16 +196,16 @@ impl VectorMapDescriptor {
         (across, [across * TILE_SIDE, rows * self.vectors * TILE_SIDE])
     }
 
-    /// Builds the map.
+    /// Builds a shadow map of four-vectors.
     ///
     /// # Errors
-    /// A map that the adapter cannot hold.
+    /// A shadow map that is too large for the graphics adapter.
     fn build(&self, context: &BuildContext<'_>, entry: &Entry) -> Result<ShadowMap> {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.shape)?;
         let (tiles_across, size) = self.atlas(tiles.built);
         let atlas = store_texture(gpu, "shadow map of vectors", self.storage.format(), size)?;
-        // The sides of the texture are rounded up.
+        // The texture may be larger than requested: its sides are rounded up.
         let texels = atlas.texture().size();
         let map_params = VectorParams {
             inv_size: [1.0 / texels.width as f32, 1.0 / texels.height as f32],
