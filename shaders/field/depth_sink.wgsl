@@ -15,7 +15,7 @@ fn start_sink() -> Sink {
     return Sink(empty_sum());
 }
 
-// The course inside a piece does not matter.
+// The sink has no limit on the optical depth of a piece, since it does not store the shape of the curve.
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     return FAR;
 }

@@ -1,4 +1,4 @@
-// The scalar field on the device: values, bricks and their distances, without the transfer function.
+// Scalar field on the device: volume values, bricks and brick distances, without the transfer function.
 //
 // Grid space: g = index + 1, so that cell c = floor(g) interpolates the voxels c - 1 and c (clamped to the edge), the
 // domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
@@ -12,34 +12,36 @@ const BRICK_SHIFT: vec3<u32> = vec3<u32>(#{BRICK_SHIFT});
 const FAR: f32 = #{FAR};
 
 struct Field {
-    // Voxels along each axis.
+    // Number of voxels along each axis.
     size: vec3<u32>,
     // Smallest voxel spacing, mm.
     min_spacing_mm: f32,
     inv_size: vec3<f32>,
-    // Intervals of the transfer function (umbravox::transfer).
+    // Number of intervals of the transfer function (umbravox::transfer).
     intervals: u32,
-    // Grid-space box of the active bricks, clipped to the domain.
+    // Box of the active bricks (those that may have extinction) in grid space, clipped to the domain.
     active_lo: vec3<f32>,
-    // Values at or below `first_value`, or at or above `last_value`, have no extinction, whatever the label. These are values
-    // of the volume, without the shift of a label.
+    // Volume values `<= first_value` or `>= last_value` have no extinction for any label. These values are without
+    // the shift of a label.
     first_value: f32,
     active_hi: vec3<f32>,
     last_value: f32,
-    // Value bins and pair bins start at `bin_origin`; the integrals' bins at `table_origin`.
+    // Values at which the bins start: `bin_origin` for the value bins and pair bins, `table_origin` for the bins of
+    // the integrals.
     bin_origin: f32,
     bins_per_value: f32,
     table_origin: f32,
     table_per_value: f32,
-    // 1 / reference length (1/mm) where opacity is given, 0 where extinction is.
+    // Reciprocal of the transfer function's reference length (1/mm) if it stores opacity; 0 if it stores extinction.
     inv_reference_length: f32,
-    // Linear RGB of the only colour (ONE_COLOR).
+    // The transfer function's only colour, linear RGB (ONE_COLOR).
     color_r: f32,
     color_g: f32,
     color_b: f32,
-    // A value without extinction, behind the functions of all labels (LABELS).
+    // Value without extinction, above the value ranges of all labels' transfer functions; hidden voxels take it
+    // (LABELS).
     hidden_value: f32,
-    // Half-spaces n·g >= d in grid space, as (n, d), that clipping keeps (CLIP). Unused entries keep everything.
+    // Clip planes in grid space, as (n, d): points with n·g >= d stay visible (CLIP). Unused entries clip nothing.
     clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
 #ifdef FOLDED
     fold: Fold,
@@ -47,16 +49,18 @@ struct Field {
 }
 
 #ifdef FOLDED
-// Layout of a grid that is longer than a texture may be: tiles of the grid lie side by side (src/field/fold.rs).
+// Layout of a volume that is longer than a texture may be: its tiles lie side by side in the texture
+// (src/field/fold.rs).
 struct Fold {
     // Voxels from one tile to the next, and number of tiles, along each axis of the grid.
     period: vec3<i32>,
     tiles: vec3<i32>,
-    // Tiles along each axis of the texture, texels from one tile to the next, and texels in front of its first voxel.
+    // Number of tiles along each axis of the texture, texels from one tile to the next, and texels before a tile's
+    // first voxel.
     placed: vec3<i32>,
     stride: vec3<i32>,
     margin: vec3<i32>,
-    // 1 / texels of the texture.
+    // Reciprocal size of the texture, 1 / texels.
     inv_sides: vec3<f32>,
 }
 #endif
@@ -64,7 +68,7 @@ struct Fold {
 @group(0) @binding(0) var<uniform> field: Field;
 @group(0) @binding(1) var volume: texture_3d<f32>;
 @group(0) @binding(2) var linear_clamp: sampler;
-// Chebyshev distance of each brick to the nearest active one, in bricks; 0 for active bricks.
+// Chebyshev distance of each brick to the nearest active brick, in bricks; 0 for active bricks.
 @group(0) @binding(3) var brick_distance: texture_3d<u32>;
 
 // The eight values that a cell interpolates, x fastest: lo = z - 1 layer, hi = z layer; (x-y-, x+y-, x-y+, x+y+).
@@ -74,7 +78,7 @@ struct Cell {
 }
 
 #ifdef FOLDED
-// Returns the offset from voxel to texel for the voxel `low` and the next ones along each axis.
+// Returns the offset from voxel to texel coordinates for the voxel `low` and the next ones along each axis.
 fn tile_offset(low: vec3<i32>) -> vec3<i32> {
     let tile = min(low / field.fold.period, field.fold.tiles - 1);
     let number = tile.x + field.fold.tiles.x * (tile.y + field.fold.tiles.y * tile.z);
@@ -85,7 +89,7 @@ fn tile_offset(low: vec3<i32>) -> vec3<i32> {
 }
 #endif
 
-// Returns the texel of a voxel.
+// Returns the texel that stores a voxel.
 fn voxel_texel(voxel: vec3<i32>) -> vec3<i32> {
 #ifdef FOLDED
     return voxel + tile_offset(voxel);
@@ -133,9 +137,9 @@ fn cell_values(cell: vec3<i32>) -> Cell {
     );
 }
 
-// Returns the values of a cell that follows the cell with the values `before` along the axis `along`; some axes may be
-// mirrored. Four values are shared, and the four on the farther face are read. If the shared ones are not known, this reads
-// those of the nearer face instead, and a second call with `known` completes the cell.
+// Returns the eight values of a cell that follows the cell with the values `before` along the axis `along`; some axes
+// may be mirrored. The two cells share four values, and this reads the four on the far face. If the shared values are
+// not known, it reads those of the near face instead, and a second call with `known` completes the cell.
 fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, known: bool) -> Cell {
     count_work(LOADS, 4u);
     let ends = ends_of_cell(cell);
@@ -162,7 +166,7 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: 
     return Cell(select(select(retained, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
 }
 
-// Returns the field at a grid-space point inside the domain.
+// Returns the interpolated volume value at a grid-space point inside the domain.
 fn value_at(g: vec3<f32>) -> f32 {
     count_work(SAMPLES, 1u);
 #ifdef MANUAL_TRILINEAR

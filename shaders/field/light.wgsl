@@ -1,4 +1,4 @@
-// Light space: the projection of grid-space points to texels and depths of the map, and the ray of a texel.
+// Light space: projection of grid-space points to texels and depths of a shadow map, and the light ray of a texel.
 //
 // The light frame has coordinates (a, b, h) in mm, h away from the light. Depth z is the distance along the ray, mm:
 //   orthographic (light at infinity)  z = h
@@ -10,9 +10,9 @@
 const PERSPECTIVE: u32 = #{PERSPECTIVE};
 const OCTAHEDRAL: u32 = #{OCTAHEDRAL};
 
-// The projection of a map and the step along its rays; the parameters of the method are at binding 1.
+// Projection of a shadow map, and the step along its rays. Parameters of the shadow method are at binding 1.
 struct LightSpace {
-    // Rows of the affine map to the light frame from grid space.
+    // Rows of the affine map from grid space to the light frame.
     frame_from_grid_a: vec4<f32>,
     frame_from_grid_b: vec4<f32>,
     frame_from_grid_h: vec4<f32>,
@@ -28,26 +28,27 @@ struct LightSpace {
     // Texel coordinate (centres at whole numbers) = plane coordinate * scale + offset.
     texel_scale: vec2<f32>,
     texel_offset: vec2<f32>,
-    // All active bricks lie in the range of depths that begins at depth_start_mm and is depth_range_mm long.
+    // Depth range of the shadow map, which contains all active bricks: it begins at depth_start_mm and is
+    // depth_range_mm long.
     depth_start_mm: f32,
     depth_range_mm: f32,
-    // Distance of samples along a light ray, mm, with `march=samples`.
+    // Distance between samples along a light ray, mm, with `march=samples`.
     step_mm: f32,
     padding: f32,
 }
 
-// Bound in every pipeline, also for methods without a map: shading reads the position of the light.
+// Bound in every pipeline, also for shadow methods without a map: shading reads the position of the light.
 @group(1) @binding(0) var<uniform> light: LightSpace;
 
 struct LightPoint {
-    // Texel coordinates, centres at whole numbers.
+    // Texel coordinates in the shadow map; texel centres are integers.
     texel: vec2<f32>,
-    // Depth, mm.
+    // Depth along the light ray, mm.
     z: f32,
 }
 
 struct LightRay {
-    // Grid-space point of depth 0 and direction per mm.
+    // Point of the light ray at depth 0, and its direction per mm, in grid space.
     o: vec3<f32>,
     d: vec3<f32>,
 }
@@ -64,7 +65,7 @@ fn direction_from_octahedral(p: vec2<f32>) -> vec3<f32> {
     return normalize(vec3<f32>(select(folded, p, z >= 0.0), z));
 }
 
-// Returns texel and depth of a grid-space point.
+// Returns the shadow-map texel and the depth of a grid-space point.
 fn light_point(g: vec3<f32>) -> LightPoint {
     let g4 = vec4<f32>(g, 1.0);
     let a = dot(light.frame_from_grid_a, g4);
@@ -85,7 +86,7 @@ fn light_point(g: vec3<f32>) -> LightPoint {
     return LightPoint(plane * light.texel_scale + light.texel_offset, z);
 }
 
-// Returns the ray through texel coordinates.
+// Returns the light ray through texel coordinates of the shadow map.
 fn light_ray(texel: vec2<f32>) -> LightRay {
     let plane = (texel - light.texel_offset) / light.texel_scale;
     var start = vec3<f32>(plane, 0.0);
@@ -108,13 +109,14 @@ fn light_ray(texel: vec2<f32>) -> LightRay {
 
 // Direction and distance from a point to the light.
 struct TowardLight {
-    // Grid units per mm.
+    // Direction towards the light, grid units per mm.
     d: vec3<f32>,
-    // Distance, mm.
+    // Distance to the light, mm.
     mm: f32,
 }
 
-// Returns direction and distance from a grid-space point to the light; the point may lie behind the light, outside its map.
+// Returns direction and distance from a grid-space point to the light. The point may lie behind the light, outside
+// its map.
 fn toward_light(g: vec3<f32>) -> TowardLight {
     let g4 = vec4<f32>(g, 1.0);
     let position = vec3<f32>(
@@ -128,7 +130,7 @@ fn toward_light(g: vec3<f32>) -> TowardLight {
     return TowardLight(-(w.x * light.grid_per_a + w.y * light.grid_per_b + w.z * light.grid_per_h), mm);
 }
 
-// Returns the depth behind everything that can cast a shadow, mm.
+// Returns the depth, mm, behind everything that can cast a shadow.
 fn depth_end_mm() -> f32 {
     return light.depth_start_mm + light.depth_range_mm;
 }

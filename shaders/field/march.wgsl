@@ -1,22 +1,24 @@
 // Light march of all shadow methods: cell by cell through the active bricks of one ray.
 //
-// Inside a cell the value along the ray is a cubic, which is formed exactly. It is cut at its extrema and where it passes a
-// breakpoint of the transfer function, which the pre-compressed table finds (Hadwiger et al. 2006, 3.2). Between cuts the
-// ordinate of the transfer function is a linear function of a monotone cubic. Four-point Gauss integrates extinction exactly,
-// and its logarithm from opacity well if opacity does not near 1 too fast. docs/bound.md derives how short pieces have to be.
+// Inside a cell the value along the ray is a cubic, which is formed exactly. It is cut at its extrema and where it
+// passes a breakpoint of the transfer function, which the pre-compressed table finds (Hadwiger et al. 2006, 3.2).
+// Between cuts the transfer function's amount is a linear function of a monotone cubic. Four-point Gauss quadrature
+// integrates extinction exactly, and extinction from opacity well if opacity does not near 1 too fast. docs/bound.md
+// derives how short pieces have to be.
 //
 // The sink, a module that defines `umbravox::sink`, takes the pieces. It offers
-//   struct Sink                                     the state of one ray
+//   struct Sink
+//       the state of one ray
 //   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
-//       takes the optical depth between two depths (mm). Pieces come in the order of the march and do not overlap; stretches
-//       without extinction may be skipped or come with depth 0. The result true ends the ray.
+//       takes the optical depth between two depths (mm). Pieces come in the order of the march and do not overlap;
+//       stretches without extinction may be skipped or come with depth 0. The result true ends the ray.
 //   fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32
-//       the largest optical depth of a smooth stretch between two depths (mm) whose chord is straight enough for the sink;
-//       FAR if the course inside a piece does not matter
+//       the largest optical depth of a smooth piece between two depths (mm) for which the sink may replace the curve
+//       by its chord; FAR if the sink does not need the shape of the curve
 //
-// Control flow: one inner loop advances to the next cell with extinction, another takes the pieces of a stretch, and the
-// outer loop takes one stretch in each iteration. Lanes of a subgroup wait for each other only there, and expensive code
-// stands in the program once. Loops exit at their last line, as in `umbravox::ray_march`.
+// Control flow: one inner loop advances to the next cell with extinction, another takes the pieces of a stretch, and
+// the outer loop takes one stretch in each iteration. Lanes of a subgroup wait for each other only there, and
+// expensive code stands in the program once. Loops exit at their last line, as in `umbravox::ray_march`.
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
@@ -27,24 +29,27 @@
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, CELLS, PIECES}
 
-// Gauss-Legendre quadrature on [0, 1], exact to the seventh degree.
+// Gauss-Legendre quadrature on [0, 1] with four points, exact to degree seven.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
 const GAUSS_WEIGHTS = vec4<f32>(#{OUTER_WEIGHT}, #{INNER_WEIGHT}, #{INNER_WEIGHT}, #{OUTER_WEIGHT});
-// Steps of Newton's method, each of which at least halves the interval: enough for every bit of a float32.
+// Largest number of steps of Newton's method. Each at least halves the interval: enough for every bit of a float32.
 const ROOT_STEPS: i32 = 40;
-// Error in value at a breakpoint, as a share of the largest value of the stretch.
+// Allowed error of the value at a breakpoint, relative to the largest value of the stretch.
 const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
-// Share of a chord below which a piece is not taken by itself.
+// Fraction of a chord below which a piece is not integrated separately.
 const LEAST_PIECE: f32 = 1e-6;
-// Length below which a piece is straight enough, in smallest voxel spacings: a depth tolerance of the error bound.
+// Length, in smallest voxel spacings, below which a piece needs no further division: a depth tolerance of the error
+// bound.
 const SHORT_PIECE: f32 = #{SHORT_PIECE};
-// Times that a piece over which opacity nears 1 is shortened, by half at least: enough for every bit of a float32.
+// Number of times that a piece is shortened, by half at least, if opacity nears 1 on it: enough for every bit of a
+// float32.
 const SHORTENINGS: i32 = 40;
-// Pieces of one cell beyond those that are counted one by one: their optical depths add up to at most that of the ray.
+// Limit on the pieces of one cell that are split because of their optical depth. Their optical depths add up to at
+// most that of the ray.
 const MAX_THICK_PIECES: u32 = 512u;
-// Stretches of a cell's chord: between extrema, and between labels.
+// Largest number of stretches of a cell's chord, which extrema and label borders cut.
 const MAX_STRETCHES: u32 = 3u * CUTS_BY_LABEL;
-// Pieces of a ray whose sum satisfies the error bound.
+// Largest number of pieces of a ray for which the rounding error of the sum satisfies the error bound.
 const MAX_PIECES: u32 = #{MOST_PIECES};
 
 // c.x + u (c.y + u (c.z + u c.w))
@@ -56,7 +61,8 @@ fn cubic_slope(c: vec4<f32>, u: f32) -> f32 {
     return c.y + u * (2.0 * c.z + 3.0 * u * c.w);
 }
 
-// Returns the value along the chord of a cell from f to f + e (cell coordinates in [0, 1]).
+// Returns the coefficients of the cubic of values along the chord of a cell from f to f + e (cell coordinates in [0,
+// 1]).
 fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
     let c0 = cell.lo.x;
     let cx = cell.lo.y - cell.lo.x;
@@ -76,7 +82,8 @@ fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
     );
 }
 
-// Returns where the cubic, monotone from a to b with the values va and vb there, passes v.
+// Returns the parameter at which the cubic takes the value v. It is monotone from a to b, with the values va and vb
+// there.
 fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
     var lo = a;
     var hi = b;
@@ -95,7 +102,7 @@ fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
     return clamp(u, a, b);
 }
 
-// Returns the extrema of the cubic inside (0, 1), ascending; 2 stands for none.
+// Returns the extrema of the cubic inside (0, 1), ascending; 2 for an extremum that does not exist.
 fn extrema(c: vec4<f32>) -> vec2<f32> {
     let a = 3.0 * c.w;
     let b = c.z;
@@ -112,10 +119,10 @@ fn extrema(c: vec4<f32>) -> vec2<f32> {
     return vec2<f32>(min(roots.x, roots.y), max(roots.x, roots.y));
 }
 
-// A light ray in a frame in which it ascends along all axes: axes along which it descends are mirrored about whole bricks, so
-// that bricks stay bricks.
+// Light ray in a frame in which it ascends along all axes. The other axes are mirrored about whole bricks, so that
+// bricks map to bricks.
 struct AscendingRay {
-    // The ray itself, grid space, d per mm.
+    // The ray in grid space, d per mm.
     o: vec3<f32>,
     d: vec3<f32>,
     mirrored: vec3<bool>,
@@ -123,48 +130,50 @@ struct AscendingRay {
     ascending_o: vec3<f32>,
     ascending_d: vec3<f32>,
     inv_ascending_d: vec3<f32>,
-    // A cell of the frame is the cell first_cell + sense * cell of the grid.
+    // A cell of the mirrored frame is the cell first_cell + sense * cell of the grid.
     first_cell: vec3<i32>,
     sense: vec3<i32>,
     last_cell: vec3<i32>,
-    // Depths between which it is marched, mm.
+    // Depths at which the march starts and ends, mm.
     start: f32,
     end: f32,
 }
 
 struct CellMarch {
-    // The next cell, and the depth at which the ray enters it.
+    // Depth at which the ray enters the next cell, and that cell.
     z: f32,
     cell: vec3<i32>,
-    // The end of the ray is not reached; every step leaves a cell for good.
+    // Whether the march goes on: the end of the ray is not reached. Every step leaves a cell for good.
     marching: bool,
     cells_left: i32,
-    // Values of the last cell if `known`, and the axis along which the ray left it.
+    // Values of the cell before if `known`, and the axis along which the ray left it.
     values: Cell,
     known: bool,
     along: vec3<bool>,
-    // Chord of the present cell, the cubic along it, and the parameter and value up to which it is integrated.
+    // Chord of the present cell: its start and length (mm), the cubic of values along it, and the parameter and value
+    // up to which it is integrated.
     chord_z: f32,
     chord_mm: f32,
     c: vec4<f32>,
     u: f32,
     value: f32,
-    // Borders between labels on the chord, and the shift of the label at u.
+    // Label borders on the chord, and the shift of values for the label at u.
     borders: vec3<f32>,
     shift: f32,
-    // Pieces that the cell may still be cut into.
+    // Number of pieces into which the cell may still be cut.
     pieces_left: u32,
 }
 
-// A stretch of a chord on which the ordinate of the transfer function is a linear function of a monotone cubic.
+// Stretch of a chord on which the transfer function's amount is a linear function of a monotone cubic.
 struct Stretch {
-    // The cubic of the shown values.
+    // Cubic of the values along the chord, shifted for the label.
     shown: vec4<f32>,
     end: f32,
     end_value: f32,
-    // Interval of the transfer function.
+    // Index of the transfer-function interval of the stretch.
     j: u32,
-    // A piece of length h strays from its chord by at most (h bend)^2 / 8 times its transmittance.
+    // Curvature of the transmittance curve: a piece of length h differs from its chord by at most (h bend)^2 / 8
+    // times its transmittance.
     bend: f32,
 }
 
@@ -215,13 +224,14 @@ fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>,
     (*march).value = (*march).c.x;
     (*march).borders = label_borders(f, e);
     (*march).shift = UNKNOWN_SHIFT;
-    // Each stretch passes each interval, is shortened where opacity nears 1, and has short pieces and pieces that span a share of
-    // a whole ray.
+    // Limit on the pieces of a cell: each stretch passes each interval and is shortened where opacity nears 1. Short
+    // pieces, and pieces with a fraction of the ray's optical depth, come in addition.
     let short_pieces = u32(min((*march).chord_mm / (SHORT_PIECE * field.min_spacing_mm), 1e6));
     (*march).pieces_left = MAX_STRETCHES * field.intervals * u32(SHORTENINGS) + short_pieces + MAX_THICK_PIECES;
 }
 
-// Advances the ray by one cell, or skips to the exit of the cube of empty bricks. A cell with extinction starts a chord.
+// Advances the ray by one cell, or skips to the exit of the cube of empty bricks. A cell with extinction starts a
+// chord.
 fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
     let cell = (*march).cell;
     let grid_cell = ray.first_cell + ray.sense * cell;
@@ -246,18 +256,19 @@ fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
         let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
         let leaves = exits <= vec3<f32>(exit);
         (*march).cell = select(select(cell, inner, ray.moves), past, leaves);
-        // Past an edge, a corner or empty bricks no values are known.
+        // Past an edge, a corner or empty bricks no value of the next cell is known.
         (*march).known = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
         (*march).along = select(vec3<bool>(false, false, true), leaves, (*march).known);
         (*march).cells_left -= 1;
         (*march).marching = exit < ray.end && all((*march).cell <= ray.last_cell) && (*march).cells_left >= 0;
     } else {
-        // The nearer face is known now: the next step takes the cell.
+        // The near face is known now: the next step reads the rest of the cell.
         (*march).known = true;
     }
 }
 
-// Returns the first value from `value` to `end_value` at which a new interval of the transfer function starts, or `end_value`.
+// Returns the first value from `value` to `end_value` at which a new interval of the transfer function starts, or
+// `end_value`.
 fn next_breakpoint(value: f32, end_value: f32) -> f32 {
     let nodes = nodes_between(value, end_value);
     var node = end_value;
@@ -266,7 +277,7 @@ fn next_breakpoint(value: f32, end_value: f32) -> f32 {
         if nodes[k] < MORE_NODES && (v - value) * (v - end_value) < 0.0 { node = v; }
     }
 #ifdef MANY_BREAKPOINTS
-    // More breakpoints than the table holds: the next one ahead ends the interval of the value.
+    // The table cannot store all breakpoints here: the next one ahead ends the interval of the value.
     if nodes.w == MORE_NODES {
         let here = interval_at(value);
         let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
@@ -277,11 +288,11 @@ fn next_breakpoint(value: f32, end_value: f32) -> f32 {
     return node;
 }
 
-// Returns the next stretch of the chord.
+// Returns the next stretch of the chord, with one transfer-function interval and one label.
 fn next_stretch(march: ptr<function, CellMarch>, ray: AscendingRay) -> Stretch {
     let u = (*march).u;
     let chord_mm = (*march).chord_mm;
-    // The monotone stretch ahead, nearest to voxels of one label, and the first breakpoint on it.
+    // The stretch ahead is monotone and has one label; it ends at the first breakpoint.
     let cuts = extrema((*march).c);
     let extremum = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
     let turn = next_label_border((*march).borders, u, extremum);
@@ -298,11 +309,11 @@ fn next_stretch(march: ptr<function, CellMarch>, ray: AscendingRay) -> Stretch {
     if end_value != turn_value { end = crossing(shown, u, turn, value, turn_value, end_value); }
     let j = interval_at(0.5 * (value + end_value));
     var ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
-    // Opacity that nears 1 makes a logarithm too steep for the quadrature.
+    // Where opacity nears 1, its logarithm is too steep for the quadrature.
     for (var k = 0; k < SHORTENINGS; k++) {
         if !uneven(ends, (end - u) * chord_mm) { break; }
-        // For a linear value this share changes the transmitted light by nearly the factor of 2. Where the value begins flat the
-        // share is far too small, hence the lower limit; halving at least ends the loop.
+        // For a linear value this fraction changes the transmitted light by nearly the factor of 2. Where the value
+        // begins flat the fraction is far too small, hence the lower limit; halving at least ends the loop.
         let twice = select(0.5, 1.0, ends.transmitted.y > ends.transmitted.x);
         let share = clamp(0.98 * twice * ends.transmitted.x / abs(ends.transmitted.y - ends.transmitted.x), 0.0625, 0.5);
         end = max(u + share * (end - u), min(u + LEAST_PIECE, end));
@@ -310,8 +321,8 @@ fn next_stretch(march: ptr<function, CellMarch>, ray: AscendingRay) -> Stretch {
         ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
     }
 
-    // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a stretch of the cubic
-    // is a parabola, which lies between its Bernstein coefficients.
+    // A chord of length h differs from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
+    // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
     let sigmas = extinction_of(ends);
     let sigma = max(sigmas.x, sigmas.y);
     let slope_a = cubic_slope(shown, u);
@@ -346,10 +357,10 @@ fn take_piece(sink: ptr<function, Sink>, march: ptr<function, CellMarch>, stretc
 fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
     let ray = ascending_ray(o, d, z_from, z_to);
     var state = start_cells(ray);
-    // Pieces of the whole ray.
+    // Number of pieces of the whole ray.
     var pieces = 0u;
     var done = false;
-    // A cell or the ray has more pieces than it may have.
+    // Whether a cell or the ray exceeds its limit of pieces.
     var too_many = false;
     loop {
         var steps = 0u;

@@ -1,9 +1,9 @@
 // Light march by regular samples (Hadwiger et al. 2006, 3.2 and 3.3): the volume's hardware filter at depths that are
-// multiples of `light.step_mm`. Between two samples the value is taken to be linear, and the integrals of the transfer
-// function give the optical depth.
+// multiples of `light.step_mm`. Between two samples the value is taken to be linear, and the integrals of the
+// transfer function give the optical depth.
 //
-// It offers the same function as `shaders/field/march.wgsl` under the same contract for the sink, but without an error bound:
-// it may miss anything between two samples.
+// It offers the same function as `shaders/field/march.wgsl` under the same contract for the sink, but without an
+// error bound: it may miss anything between two samples.
 #define_import_path umbravox::march
 
 #import umbravox::field::field
@@ -15,7 +15,7 @@
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, PIECES}
 
-// Pieces of one segment, all of one length.
+// Largest number of equal pieces of one segment between two samples.
 const MAX_PIECES: f32 = 16.0;
 
 // Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
@@ -23,12 +23,12 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     let ray = ray_through(o, d, z_from, z_to, light.step_mm);
     var state = start_march(ray, u32(MAX_PIECES) + 4u);
     var done = false;
-    // Length of the pieces of a segment; 0 where one begins.
+    // Length of the pieces of a segment, mm; 0 at the start of a segment.
     var piece_mm = 0.0;
     loop {
         advance(&state, ray);
         if state.hit {
-            // The part of the segment with values that may have extinction.
+            // Part of the segment whose values may have extinction.
             let behind = sample_depth(ray, state.k);
             let end_value = segment_end_value(state);
             let a = clamped_value(state.segment_value);
@@ -44,7 +44,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                 let depth = mean_between(a, b, at_a, integral_at(b)) * length;
                 piece_mm = length / clamp(ceil(depth / longest_depth(sink, start, end)), 1.0, MAX_PIECES);
             }
-            // A piece too short for float32 takes the rest of the segment.
+            // If a piece is too short for float32, the last piece takes the rest of the segment.
             let last = start + 1.5 * piece_mm > end || start + piece_mm <= start;
             let to = select(start + piece_mm, end, last);
             let value = select(mix(a, b, piece_mm / max(end - start, 1e-30)), b, last);

@@ -1,7 +1,9 @@
-// Light march through strands: pieces of the rays of texels that the host has cut and sorted (src/field/strand_lines.rs).
+// Light march through strands: pieces of the rays of texels that the host has cut and sorted
+// (src/field/strand_lines.rs).
 //
-// It offers the same function as `shaders/field/march.wgsl` under the same contract for the sink, for whole rays through the
-// centres of texels, from the light or towards it. It has no error bound: the bound of a march refers to the scalar field.
+// It offers the same function as `shaders/field/march.wgsl` under the same contract for the sink, for whole rays
+// through the centres of texels, from the light or towards it. It has no error bound: the bound of a march refers to
+// the scalar field.
 #define_import_path umbravox::march
 
 #import umbravox::light::{light, light_point, light_ray}
@@ -10,12 +12,13 @@
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, PIECES}
 
-// The place of the first piece of each record, and the end of all pieces; then the pieces: two depths (mm) and an optical
-// depth each.
+// Index of the first piece of each texel's record, and the end of all pieces; then the pieces: two depths (mm) and an
+// optical depth each.
 @group(2) @binding(#{LINES_BINDING}) var<storage, read> strand_pieces: array<u32>;
 const PIECE_WORDS: u32 = 3u;
 
-// Passes the pieces of the texel whose ray is o + z d (grid space, d per mm) to the sink, over the depths [z_from, z_to].
+// Passes the pieces of the texel whose ray is o + z d (grid space, d per mm) to the sink, over the depths [z_from,
+// z_to].
 fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
     // All rays pass through the position of a point light; the farther end lies on this ray alone.
     let z = select(z_to, z_from, abs(z_from) > abs(z_to));

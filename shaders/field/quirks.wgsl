@@ -1,14 +1,15 @@
-// Tuning for software adapters (llvmpipe), which SOFTWARE_ADAPTER selects; src/gpu/quirks.rs lists what the host does for them.
+// Tuning for software adapters (llvmpipe), which SOFTWARE_ADAPTER selects; src/gpu/quirks.rs lists what the host does
+// for them.
 #define_import_path umbravox::quirks
 
-// Steps after which lanes that have hit something do not wait for the other lanes of their subgroup (best of 2, 4 and no
-// limit on llvmpipe).
+// Number of steps after which lanes that have hit extinction do not wait for the other lanes of their subgroup (best
+// of 2, 4 and no limit on llvmpipe).
 const STEPS_TOGETHER: u32 = 4u;
 
 #ifdef SOFTWARE_ADAPTER
-// Returns the work item of workgroup i of n. llvmpipe deals workgroups to its threads in contiguous shares, and neighbours
-// cost alike: this order spreads each share, of up to 16, over all of the work. It takes every second item first, and each
-// half in the same way, four times.
+// Returns the work item of workgroup i of n. llvmpipe gives its threads contiguous ranges of workgroups, and
+// neighbours cost alike. This order spreads each of up to 16 ranges over all of the work: it takes every second item
+// first, and each half in the same way, four times.
 fn workgroup_item(i: u32, n: u32) -> u32 {
     var at = i;
     var left = n;

@@ -1,7 +1,7 @@
-// Sums of many terms in two levels: each term is rounded beside the sum of a few others, not beside the whole sum.
+// Sums of many terms in two levels: each term is added to a partial sum of a few terms, which limits rounding errors.
 #define_import_path umbravox::sums
 
-// Terms of a partial sum; a power of two.
+// Number of terms of a partial sum; a power of two.
 const TERMS: u32 = #{PARTS_OF_SUM};
 
 struct Sum {

@@ -1,18 +1,19 @@
-// The texel of a thread in a pass over tiles: one workgroup for each tile of the list, one thread for each texel.
+// Shadow-map texel of a thread in a pass over tiles: one workgroup for each tile of the list, one thread for each
+// texel.
 #define_import_path umbravox::tiles
 
 #import umbravox::quirks::workgroup_item
 #import umbravox::light::light
 #import umbravox::tile_table::TILE
 
-// Tiles that this dispatch builds, as numbers row by row.
+// Tiles of the shadow map that this dispatch builds, numbered row by row.
 @group(2) @binding(0) var<storage, read> tile_list: array<u32>;
 
 struct TileTexel {
-    // False for workgroups past the list, and for texels of a border tile that lie outside the map.
+    // False for workgroups past the list of tiles, and for texels of a border tile that lie outside the map.
     inside: bool,
     texel: vec2<u32>,
-    // Index of the texel by the order of the list.
+    // Index of the texel, counted tile by tile in the order of the list.
     index: u32,
 }
 

@@ -1,4 +1,4 @@
-// The transfer function on the device, over the values that the volume texture holds.
+// Transfer function on the device, over the values stored in the volume texture.
 #define_import_path umbravox::transfer
 
 #import umbravox::field::field
@@ -17,21 +17,23 @@ const MORE_NODES: u32 = #{MORE_NODES};
 const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
 
 struct IntervalTable {
-    // (start value, ordinate at the start, slope of the ordinate, 1 - ordinate at the start); interval 0 is everything below
-    // the next one.
+    // Intervals of the transfer function: (start value, amount at the start, slope of the amount, 1 - amount at the
+    // start). Interval 0 covers all values below the next one.
     intervals: array<vec4<f32>, #{MAX_INTERVALS}>,
-    // The interval at the lower end of each value bin, four bins a vector.
+    // Index of the interval at the lower end of each value bin, four bins in a vector.
     of_bin: array<vec4<u32>, #{VALUE_BIN_VECTORS}>,
 }
 
 // Small tables are uniforms and large ones textures: software adapters read storage buffers lane by lane.
 @group(0) @binding(4) var<uniform> interval_table: IntervalTable;
-// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w). Not with ONE_COLOR.
+// Pre-integrated transfer function: extinction times colour (rgb) and extinction (w), integrated over the value up to
+// each bin edge. Not with ONE_COLOR.
 @group(0) @binding(5) var integrals: texture_2d<f32>;
-// Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
+// Table of breakpoints for pairs of values: up to four intervals of the transfer function at whose starts a ray's
+// visibility curve bends between the two values, four u16 in a pair.
 @group(0) @binding(6) var pair_nodes: texture_2d<u32>;
-// Integrals of extinction over the value, one texel for each bin: up to the bin, the rounding error of that in float32, and
-// the integral over the bin.
+// Integrals of extinction over the value, one texel for each bin: up to the bin, the float32 rounding error of that
+// sum, and over the bin.
 @group(0) @binding(8) var extinction_bins: texture_2d<f32>;
 
 fn interval_start(j: u32) -> f32 {
@@ -49,8 +51,8 @@ fn interval_at(value: f32) -> u32 {
     return j;
 }
 
-// Returns -log(1 - a) for opacities a and `transmitted` = 1 - a, to a few units in the last place. `log` itself is off by
-// 2^-21 near 1, which is large beside small opacities.
+// Returns -log(1 - a) for opacities a and `transmitted` = 1 - a, to a few units in the last place. `log` itself has
+// errors of 2^-21 near 1, which is large compared with small opacities.
 fn absorbance(a: vec4<f32>, transmitted: vec4<f32>) -> vec4<f32> {
     // transmitted = m 2^k with m from sqrt(1/2) to sqrt(2), whose logarithm is 2 atanh((m - 1) / (m + 1)).
     let bits = bitcast<vec4<u32>>(transmitted);
@@ -60,19 +62,19 @@ fn absorbance(a: vec4<f32>, transmitted: vec4<f32>) -> vec4<f32> {
     let t = short / (2.0 - short);
     let s = t * t;
     let series = 2.0 * t * (1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0)))));
-    // The difference is one of integers: NVIDIA's compiler turns (127 - x) LN_2 into 127 LN_2 - x LN_2, which gives opacity 0
-    // an extinction of 1.4e-6.
+    // The difference is one of integers: NVIDIA's compiler turns (127 - x) LN_2 into 127 LN_2 - x LN_2, which gives
+    // opacity 0 an extinction of 1.4e-6.
     return series + vec4<f32>(vec4<i32>(127) - vec4<i32>(biased)) * LN_2;
 }
 
-// Ordinates of the transfer function at four values: extinction (1/mm) or opacity, as its file gives it. For opacity,
-// `transmitted` is the share of light that passes a reference length, else 1.
+// Amounts of the transfer function at four values: extinction (1/mm) or opacity, as its file gives it. For opacity,
+// `transmitted` is the fraction of light that passes a reference length, else 1.
 struct Ordinates {
     ordinate: vec4<f32>,
     transmitted: vec4<f32>,
 }
 
-// Returns the ordinates at values inside the interval j.
+// Returns the transfer function's amounts at values inside the interval j.
 fn ordinates_in(j: u32, values: vec4<f32>) -> Ordinates {
     let piece = interval_table.intervals[j];
     let rise = piece.z * (values - piece.x);
@@ -84,7 +86,7 @@ fn ordinates_in(j: u32, values: vec4<f32>) -> Ordinates {
     );
 }
 
-// Returns the extinction (1/mm) of ordinates.
+// Returns the extinction (1/mm) for amounts of the transfer function.
 fn extinction_of(at: Ordinates) -> vec4<f32> {
     let per_mm = field.inv_reference_length;
     return select(at.ordinate, absorbance(at.ordinate, at.transmitted) * per_mm, per_mm > 0.0);
@@ -95,15 +97,16 @@ fn extinction_in(j: u32, values: vec4<f32>) -> vec4<f32> {
     return extinction_of(ordinates_in(j, values));
 }
 
-// Returns the steepest slope of extinction with the value inside the interval j (1/mm per value); with opacity, at least the
-// share `least` of light is transmitted.
+// Returns the steepest slope of extinction inside the interval j (1/mm per value). For opacity, at least the fraction
+// `least` of light is transmitted there.
 fn extinction_slope(j: u32, least: f32) -> f32 {
     let per_mm = field.inv_reference_length;
     return abs(interval_table.intervals[j].z) * select(1.0, per_mm / least, per_mm > 0.0);
 }
 
-// Returns whether the transmitted share changes by more than a factor of 2 between the first two ordinates, over a stretch
-// on which that matters. Otherwise four-point Gauss errs by less than 1.3e-3 of the stretch (docs/bound.md).
+// Returns whether the transmitted fraction of light changes by more than a factor of 2 between the first two amounts,
+// over a stretch long enough to matter. Otherwise the error of four-point Gauss is below 1.3e-3 of the stretch
+// (docs/bound.md).
 fn uneven(ends: Ordinates, length_mm: f32) -> bool {
     let least = min(ends.transmitted.x, ends.transmitted.y);
     // -log(x) is at most (1 - x) / sqrt(x), and at most -k log(2) for x >= 2^k.
@@ -118,15 +121,15 @@ fn extinction_at(value: f32) -> f32 {
     return extinction_in(interval_at(value), vec4<f32>(value)).x;
 }
 
-// Returns the position of a value among the bins of the integrals.
+// Returns the position of a value among the bins of the pre-integrated table.
 fn table_place(value: f32) -> f32 {
     return clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
 }
 
-// Integral of extinction over all values up to one, and the extinction there.
+// Integral of extinction over all values up to a given one, and the extinction there.
 struct Integral {
     sum: f32,
-    // Remainder, kept apart so that a large sum does not round off small bins.
+    // Remainder of the integral, stored separately so that a large sum does not round off small bins.
     rest: f32,
     slope: f32,
 }
@@ -140,7 +143,7 @@ fn integral_at(value: f32) -> Integral {
     return Integral(bin.x, bin.y + bin.z * (x - f32(i)), bin.z * field.table_per_value);
 }
 
-// Returns the mean extinction (1/mm) of a segment on which the value goes linearly from a to b.
+// Returns the mean extinction (1/mm) of a segment on which the value changes linearly from a to b.
 fn mean_between(a: f32, b: f32, at_a: Integral, at_b: Integral) -> f32 {
     // Below half a bin the difference of integrals is mostly rounding; the slopes of the bins replace it.
     let short = abs(b - a) * field.table_per_value < 0.5;
@@ -155,13 +158,14 @@ fn color_integral_at(value: f32) -> ColorIntegral {
     return integral_at(value);
 }
 
-// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) of a segment on which the value goes linearly from a
-// to b.
+// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) of a segment on which the value changes
+// linearly from a to b.
 fn mean_color(a: f32, b: f32, at_a: ColorIntegral, at_b: ColorIntegral) -> vec4<f32> {
     return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * mean_between(a, b, at_a, at_b);
 }
 #else
-// Integral of extinction times colour (rgb) and of extinction (w) over all values up to one, and the integrand there.
+// Integral of extinction times colour (rgb) and of extinction (w) over all values up to a given one, and the
+// integrand there.
 struct ColorIntegral {
     sum: vec4<f32>,
     slope: vec4<f32>,
@@ -187,8 +191,9 @@ fn pair_bin(value: f32) -> u32 {
     return u32(clamp((value - field.bin_origin) * field.bins_per_value * (f32(PAIR_BINS) / f32(VALUE_BINS)), 0.0, f32(PAIR_BINS - 1u)));
 }
 
-// Returns the indices of four intervals in the order in which a value going from a to b meets their starts. Indices above
-// MORE_NODES fill the rest; MORE_NODES in the last place says that there are more than the table holds.
+// Returns the indices of four transfer-function intervals in the order in which a value that changes from a to b
+// meets their starts. Unused places hold larger indices than MORE_NODES. MORE_NODES in the last place means that the
+// table cannot store all of them.
 fn nodes_between(a: f32, b: f32) -> vec4<u32> {
     count_work(LOADS, 1u);
     let packed = textureLoad(pair_nodes, vec2<u32>(pair_bin(b), pair_bin(a)), 0);

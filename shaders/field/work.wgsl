@@ -1,12 +1,11 @@
-// Work counters of variants with COUNT_WORK, which do not depend on the adapter. Without it they are not in the shader.
+// Work counters, compiled in only with COUNT_WORK. Their results do not depend on the adapter.
 #define_import_path umbravox::work
 
 #import umbravox::watch::watched
 
-// Kinds of work, in the order of `Work` in src/gpu/counters.rs.
-// Filtered samples of the volume.
+// Kinds of work, in the order of `Work` in src/gpu/counters.rs. The first counts filtered samples of the volume.
 const SAMPLES: u32 = 0u;
-// Lookups of the light at a point.
+// Queries for the transmittance from the light at a point.
 const LOOKUPS: u32 = 1u;
 // Texture reads of all kinds.
 const LOADS: u32 = 2u;
@@ -26,7 +25,7 @@ fn count_work(kind: u32, times: u32) {
 #endif
 }
 
-// Adds the counts of this invocation to the sums, two words each.
+// Adds the work counters of this invocation to the sums, two words each.
 fn add_work() {
 #ifdef COUNT_WORK
     for (var kind = 0u; kind < KINDS; kind++) {

@@ -1,4 +1,4 @@
-// Encodes a band of a finished picture (linear light) as sRGB for the screen.
+// Encodes a band of rows of a finished picture (linear light) as sRGB for the screen.
 
 struct Band {
     size: vec2<u32>,
@@ -10,7 +10,7 @@ struct Band {
 @group(2) @binding(1) var<storage, read> picture: array<vec4<f32>>;
 @group(2) @binding(2) var shown: texture_storage_2d<rgba8unorm, write>;
 
-// IEC 61966-2-1.
+// Encodes linear light as sRGB (IEC 61966-2-1).
 fn srgb(linear: vec3<f32>) -> vec3<f32> {
     let x = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
     return select(1.055 * pow(x, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * x, x <= vec3<f32>(0.0031308));

@@ -2,7 +2,8 @@
 #define_import_path umbravox::frame
 
 struct Frame {
-    // Grid-space centre of a plane across the view near the volume, which keeps float32 rays exact for far eyes.
+    // Centre, in grid space, of a plane across the view near the volume. Rays start there, so that float32 stays
+    // exact for far eyes.
     plane_center: vec3<f32>,
     plane_distance_mm: f32,
     // Grid units per mm along the camera's axes.
@@ -20,23 +21,23 @@ struct Frame {
     size: vec2<u32>,
     // World mm per grid unit (columns), for shading.
     world_x: vec3<f32>,
-    // 0 if the shading is computed but not used (`--no-skip gradients`), else 1.
+    // Weight of the shading: 0 if it is computed but not used (`--no-skip gradients`), else 1.
     shading_weight: f32,
     world_y: vec3<f32>,
-    // Number of tiles at the start of the list in which rays are cast; the rest shows the background.
+    // Number of tiles at the start of the list for which rays are cast; the other tiles show only the background.
     tiles_cast: u32,
     world_z: vec3<f32>,
     padding_c: f32,
-    // Linear light of this pass on a fully lit point, without the ambient share (LIGHT_FACTOR).
+    // Light of this pass on a fully lit point, linear RGB, without the ambient part (LIGHT_FACTOR).
     light: vec3<f32>,
-    // 1 if the pass adds to the picture of the passes before it.
+    // 1 if this pass adds its light to the picture of earlier passes, else 0.
     adds: u32,
 }
 
 struct Tile {
-    // Pixel of its corner.
+    // Pixel of the tile's corner.
     at: vec2<u32>,
-    // Depths between which active bricks may lie, mm along the view from the frame's plane.
+    // Range of depths in which active bricks may lie, mm along the view from the frame's plane.
     nearest_mm: f32,
     farthest_mm: f32,
 }
@@ -49,14 +50,14 @@ struct Pixel {
     // False for workgroups past the range of tiles, and for pixels of a tile that lie outside the picture.
     inside: bool,
     at: vec2<u32>,
-    // Index in the band.
+    // Index of the pixel in the present band of the picture.
     index: u32,
     nearest_mm: f32,
     farthest_mm: f32,
 }
 
-// Returns the pixel of a thread in a pass over the tiles from `first` to before `end`. The host has ordered the list for
-// software adapters already.
+// Returns the pixel of a thread in a pass over the tiles from `first` to before `end`. The host orders the list of
+// tiles, also for software adapters.
 fn pixel_of(group: vec3<u32>, groups: vec3<u32>, local: vec3<u32>, first: u32, end: u32) -> Pixel {
     let item = group.y * groups.x + group.x + first;
     let tile = tiles[min(item, arrayLength(&tiles) - 1u)];

@@ -1,4 +1,4 @@
-// Looks the transmittance from the light up at a list of points, with the lookup of pictures.
+// Computes the transmittance from the light at a list of points, with the same code as pictures.
 
 #import umbravox::method::transmittance
 

@@ -1,17 +1,16 @@
-// Ray caster: pre-integrated extinction along eye rays, brick skipping, early ray termination, shadows by one lookup.
+// Ray caster: pre-integrated extinction along eye rays, brick skipping, early ray termination, shadow queries.
 //
-// A march by regular samples (`umbravox::ray_march`) hits segments with extinction. With shadows, thick segments are split,
-// and a few segments form an interval, which shares the lookups of the light at its ends; with LOOKUP_EACH every segment has
-// its own. Without shadows every segment is lit at once. Expensive code stands in the program once, and lanes of a subgroup
-// wait for each other only there.
+// A march by regular samples (`umbravox::ray_march`) hits segments with extinction. With shadows, thick segments are
+// split, and a few segments form a light interval, whose two ends share their shadow queries; with LOOKUP_EACH every
+// segment has its own. Without shadows every segment is lit at once. Expensive code stands in the program once, and
+// lanes of a subgroup wait for each other only there.
 //
-// A picture of several lights is the sum of one pass for each (LIGHT_FACTOR). The first pass carries the ambient light and
-// the background.
+// A picture of several lights sums one pass for each (LIGHT_FACTOR). The first pass adds ambient and background.
 //
-// The lookup, a module that defines `umbravox::method`, offers
+// The shadow method, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32
-//       from the light to a grid-space point of the domain; 1 if nothing lies between. Its bindings are in group 1 from
-//       binding 1 on; binding 0 is the light space for all methods.
+//       from the light to a grid-space point of the domain; 1 if nothing lies between. Its bindings are in group 1
+//       from binding 1 on; binding 0 is the light space for all methods.
 
 #import umbravox::frame::{frame, picture, pixel_of}
 #import umbravox::field::{field, value_at, FAR}
@@ -39,11 +38,11 @@
 #endif
 
 #ifdef RESUMABLE
-// A picture made in several dispatches, since one would loop longer than software adapters allow (src/gpu/quirks.rs).
+// State of a picture that takes several dispatches, for software adapters that limit loops (src/gpu/quirks.rs).
 struct Resumption {
-    // Pixels that are not finished.
+    // Number of pixels that are not finished.
     unfinished: atomic<u32>,
-    // The sample at which each pixel resumes: -FAR before the first dispatch, FAR for finished pixels.
+    // Sample at which each pixel's ray resumes: -FAR before the first dispatch, FAR for finished pixels.
     resume: array<f32>,
 }
 @group(2) @binding(2) var<storage, read_write> resumption: Resumption;
@@ -51,7 +50,7 @@ const IS_RESUMABLE: bool = true;
 #else
 const IS_RESUMABLE: bool = false;
 #endif
-// Shadow lookups of a pixel in one dispatch of a resumable picture.
+// Largest number of shadow queries of a pixel in one dispatch of a resumable picture.
 const MAX_LOOKUPS: u32 = 8u;
 
 // Transmittance below which the eye ray ends.
@@ -59,15 +58,15 @@ const EYE_OVER: f32 = 5e-4;
 #ifdef SHADOWS
 const SPLITS_SEGMENTS: bool = true;
 const SURFACE_OVER: f32 = EYE_OVER;
-// Iterations after which lanes with a complete interval do not wait for the others.
+// Number of iterations after which lanes with a complete light interval do not wait for the others.
 const INTERVAL_STEPS: u32 = STEPS_TOGETHER;
 #ifdef LOOKUP_EACH
 const MAX_SEGMENTS: u32 = 1u;
 const FAINT_INTERVAL: f32 = 0.0;
 #else
-// Segments of an interval.
+// Largest number of segments in a light interval.
 const MAX_SEGMENTS: u32 = 4u;
-// Visible share of an interval up to which the light at its end also counts at its start.
+// Visible fraction of an interval up to which the light at its end also counts for its start.
 const FAINT_INTERVAL: f32 = 0.05;
 #endif
 #else
@@ -76,16 +75,16 @@ const SURFACE_OVER: f32 = 0.0;
 const INTERVAL_STEPS: u32 = 1u;
 const MAX_SEGMENTS: u32 = 1u;
 #endif
-// Segments with a larger optical depth than THICKEST_PART are split into parts of LIT_DEPTH. A part of which the eye sees less
-// than a quarter may be thicker by up to UNSEEN_PART.
+// Optical depth limits: a segment above THICKEST_PART is split into parts of LIT_DEPTH. A part of which less than a
+// quarter is visible to the eye may be thicker, by up to UNSEEN_PART.
 const LIT_DEPTH: f32 = 0.75;
 const THICKEST_PART: f32 = 1.0;
 const UNSEEN_PART: f32 = 4.0;
 const MAX_PARTS: f32 = 16.0;
-// Visible share of an interval, of all that the eye sees along the ray, at which it is complete.
+// Fraction of all visible light along the eye ray at which a light interval is complete.
 const COMPLETE_INTERVAL: f32 = 0.15;
 const DARKEST: f32 = 1e-6;
-// One step, one test for a thick segment, four for each part, and some to spare.
+// Largest number of iterations for a sample: one step, one test of thickness, four for each part, and a reserve.
 const ITERATIONS_A_SAMPLE: u32 = 72u;
 
 // ---- The ray of a pixel ----
@@ -94,7 +93,7 @@ fn pixel_ndc(pixel: vec2<u32>) -> vec2<f32> {
     return (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
 }
 
-// Returns the ray through a pixel, between the depths that may contain extinction.
+// Returns the eye ray through a pixel, between the depths that may contain extinction.
 fn eye_ray(pixel: vec2<u32>, nearest_mm: f32, farthest_mm: f32) -> Ray {
     let ndc = pixel_ndc(pixel);
     let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
@@ -103,7 +102,7 @@ fn eye_ray(pixel: vec2<u32>, nearest_mm: f32, farthest_mm: f32) -> Ray {
     let o = frame.plane_center + frame.plane_distance_mm * across;
     let d = (frame.grid_forward + across) / slant;
     var ray = ray_through(o, d, -frame.plane_distance_mm * slant, FAR, frame.step_mm);
-    // The lattice of samples does not change.
+    // The start of the ray does not move its lattice of samples.
     ray.start = max(ray.start, nearest_mm * slant);
     ray.end = min(ray.end, farthest_mm * slant);
     return ray;
@@ -121,14 +120,15 @@ fn eye_depth(pixel: vec2<u32>) -> f32 {
 
 #ifdef SHADING
 #ifdef KAJIYA_KAY
-// Returns the shading factor of strands at a grid-space point.
+// Returns the shading factor of strands at a grid-space point (Kajiya-Kay).
 fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
     let l = -normalize(to_world * light_ray(light_point(g).texel).d);
     return strand_factor(g, l, -normalize(to_world * eye_direction));
 }
 #else
-// Returns the shading factor at a grid-space point. Surfaces are lit from both sides; shadows decide which side light reaches.
+// Returns the shading factor of the volume at a grid-space point, from its gradient. Surfaces are lit from both
+// sides; shadows decide which side the light reaches.
 fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let gradient_grid = vec3<f32>(
         value_at(g + vec3<f32>(0.5, 0.0, 0.0)) - value_at(g - vec3<f32>(0.5, 0.0, 0.0)),
@@ -157,38 +157,38 @@ fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
 
 // ---- Segments and intervals ----
 
-// Segments that share the lookups of their light.
+// Consecutive segments of an eye ray that share the shadow queries at their two ends.
 struct LightInterval {
     segments: u32,
-    // Depths of its ends, mm, its optical depth, and the share of light to the eye that it absorbs.
+    // Depths of the interval's ends, mm, its optical depth, and the fraction of light to the eye that it absorbs.
     start: f32,
     end: f32,
     depth: f32,
     visible: f32,
-    // Emitted light, and that times the shading factor.
+    // Light emitted towards the eye before shadows, linear RGB, and that times the shading factor.
     color: vec3<f32>,
     shaded: vec3<f32>,
-    // Length of the parts of a thick segment; FAR for others.
+    // Length of the parts of a thick segment, mm; FAR for other segments.
     part_mm: f32,
-    // The interval is to be lit before it takes more segments.
+    // Whether the interval must be lit before it takes more segments.
     complete: bool,
 }
 
-// Part of the segment that is hit.
+// Part of the segment that the march has hit.
 struct Part {
     end: f32,
     end_value: f32,
-    // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb).
+    // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) of the part.
     mean: vec4<f32>,
 }
 
-// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) where the value goes linearly from a to b.
+// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) for values that are linear from a to b.
 fn mean_over(a: f32, b: f32) -> vec4<f32> {
     return mean_color(a, b, color_integral_at(a), color_integral_at(b));
 }
 
 #ifdef SHADING
-// Returns the mean over two halves, in which the value goes linearly from a to `middle` and on to b.
+// Returns mean extinction and colour over two halves, with values linear from a to `middle` and on to b.
 fn mean_over_halves(a: f32, middle: f32, b: f32) -> vec4<f32> {
     let integral = color_integral_at(middle);
     let first = mean_color(a, middle, color_integral_at(a), integral);
@@ -196,13 +196,13 @@ fn mean_over_halves(a: f32, middle: f32, b: f32) -> vec4<f32> {
 }
 #endif
 
-// Returns the next part, at most `part_mm` long, of the segment that is hit.
+// Returns the next part, at most `part_mm` long, of the segment that the march has hit.
 fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let begin = march.segment_start;
     let begin_value = march.segment_value;
     let segment_end = sample_depth(ray, march.k);
     let segment_value = segment_end_value(march);
-    // A part too short for float32 takes the rest of the segment.
+    // If a part is too short for float32, the last part takes the rest of the segment.
     let part_end = begin + part_mm;
     let takes_rest = begin + 1.5 * part_mm > segment_end || part_end <= begin;
     var end = segment_end;
@@ -211,8 +211,8 @@ fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let share = select((end - begin) / (segment_end - begin), 1.0, end == segment_end);
     let linear = select(segment_value, mix(begin_value, segment_value, share), SPLITS_SEGMENTS);
 #ifdef SHADING
-    // One more sample: at the end of an inner part, else in the middle. A linear value between two samples puts a surface
-    // beside the place where light rays meet it, and the light just behind that place is dark: it would show as rings.
+    // One more sample: at the end of an inner part, else in the middle. Linear values between two samples would put a
+    // surface beside the place where light rays meet it; the dark light just behind it would show as rings.
     let refined = frame.shading_weight > 0.0;
     let sample = labeled_value_at(ray.o + select(0.5 * (begin + end), end, inner) * ray.d);
     let end_value = select(linear, sample, inner && refined);
@@ -225,7 +225,7 @@ fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
 #endif
 }
 
-// Returns the light that a fully lit point with shading factor 1 reflects beside the ambient light.
+// Returns the light that a fully lit point with shading factor 1 reflects, without the ambient light.
 #ifdef LIGHT_FACTOR
 fn direct_light() -> vec3<f32> {
     return frame.light;
@@ -236,7 +236,7 @@ fn direct_light() -> f32 {
 }
 #endif
 
-// Adds the light that a segment or a surface emits to an interval; without shadows, to the color of the pixel.
+// Adds the light that a segment or surface emits to a light interval; without shadows, to the pixel's colour.
 fn add_emission(
     interval: ptr<function, LightInterval>,
     color: ptr<function, vec3<f32>>,
@@ -253,7 +253,7 @@ fn add_emission(
 #endif
 }
 
-// Adds the next part of the segment that is hit to an interval; `left` is the transmittance to the eye.
+// Adds the next part of the hit segment to a light interval; `left` is the transmittance to the eye.
 fn accumulate_segment(
     interval: ptr<function, LightInterval>,
     color: ptr<function, vec3<f32>>,
@@ -283,7 +283,7 @@ fn accumulate_segment(
 #else
         add_emission(interval, color, emitted, 1.0);
 #endif
-        // Skipping decides whether a part without extinction is met at all: the interval must not depend on it.
+        // Skipping decides whether a part without extinction is visited at all: the interval must not depend on it.
         if SPLITS_SEGMENTS && depth > 0.0 {
             (*interval).start = select((*interval).start, begin, (*interval).segments == 0u);
             (*interval).end = part.end;
@@ -295,7 +295,7 @@ fn accumulate_segment(
     }
 }
 
-// Advances the ray until the interval is complete, the ray ends, or INTERVAL_STEPS iterations are taken.
+// Advances the march until the light interval is complete, the ray ends, or INTERVAL_STEPS iterations are taken.
 fn accumulate_interval(
     interval: ptr<function, LightInterval>,
     color: ptr<function, vec3<f32>>,
@@ -308,7 +308,7 @@ fn accumulate_interval(
         steps += 1u;
         if !(*interval).complete {
             advance(march, ray);
-            // An interval ends with the extinction or with the ray.
+            // A light interval ends where the extinction or the ray ends.
             (*interval).complete = (*interval).segments > 0u && (!(*march).hit || (*march).segment_start != (*interval).end);
             if (*march).hit && !(*interval).complete { accumulate_segment(interval, color, march, left, ray); }
             if SPLITS_SEGMENTS { count_iteration(march); }
@@ -319,14 +319,14 @@ fn accumulate_interval(
 }
 
 #ifdef SHADOWS
-// The light at a depth of the eye ray, as last looked up.
+// Depth on the eye ray of the last shadow query, mm, and the transmittance from the light there.
 struct KnownLight {
     t: f32,
     light: f32,
 }
 
-// Returns the mean light over an optical depth in which the transmittance from the light goes from a to b as an exponential of
-// the optical depth to the eye: exact through any layered medium, whatever the step.
+// Returns the mean transmittance from the light over a stretch of the eye ray. It goes from a to b as an exponential
+// of the optical depth to the eye: exact for any layered medium and any step.
 fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
     let x = depth + log(max(a, DARKEST) / max(b, DARKEST));
     let lit = select((1.0 - exp(-x)) / x, 1.0 - 0.5 * x, abs(x) < 1e-3);
@@ -334,8 +334,8 @@ fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
     return a * lit / unlit;
 }
 
-// Looks the light up at one end of a complete interval. Adds the light that arrives at the eye to `color`, and empties the
-// interval; if the light at the start is not known yet, this lookup is for the start, and the interval stays.
+// Queries the transmittance from the light at one end of a complete interval, adds the light that reaches the eye to
+// `color`, and empties the interval. If the start is not known yet, it queries the start and keeps the interval.
 fn light_interval(
     interval: ptr<function, LightInterval>,
     known: ptr<function, KnownLight>,
@@ -418,7 +418,7 @@ fn raycast(
 #endif
         var over = !interval.complete && interval.segments == 0u && (left < EYE_OVER || !(march.hit || march.marching));
 #ifdef MESH
-        // The surface behind the volume is an interval without length.
+        // The opaque surface behind the volume is a light interval without length.
         if over && surface.met && left >= SURFACE_OVER {
             surface.met = false;
             interval.start = surface.z;

@@ -9,9 +9,10 @@
 @group(2) @binding(5) var more_moments: texture_3d<f32>;
 @group(2) @binding(6) var moments_sampler: sampler;
 
-// Returns the shading factor at a grid-space point for unit vectors `l` to the light and `e` to the eye. With `m` the mean of
-// u u^T over the directions u of strands, 1 - l^T m l is the mean square of the sine between light and strand. The highlight
-// lies about the cone of mirror directions, where the cosines with `l` and `e` differ in sign only.
+// Returns the shading factor at a grid-space point for unit vectors `l` to the light and `e` to the eye. With `m` the
+// mean of u u^T over the directions u of strands, 1 - l^T m l is the mean square of the sine between light and
+// strand. The highlight lies about the cone of mirror directions, where the cosines with `l` and `e` differ in sign
+// only.
 fn strand_factor(g: vec3<f32>, l: vec3<f32>, e: vec3<f32>) -> f32 {
     count_work(LOADS, 2u);
     let at = (g - 0.5) * field.inv_size;

@@ -1,4 +1,4 @@
-//! `umbravox stability`: the stiff and extreme cases, every method.
+//! `umbravox stability`: tests every shadow method for numerical faults on stiff and extreme cases.
 
 use super::console::progress_bar;
 use super::table_flags::TableFlags;
@@ -8,25 +8,26 @@ use crate::replication::stability::{Case, Row, Status, all, run as run_cases};
 use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
 
-/// Take every shadow method through stiff and extreme cases; exit status 1 where one is not well
+/// Test every shadow method for numerical faults on stiff and extreme cases; exit status 1 if one has a fault
 #[derive(Debug, Args)]
 pub struct StabilityArgs {
     #[command(flatten)]
     table: TableFlags,
-    /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    /// Shadow methods separated by `;`. A value without `=` is another value of the setting before it; each
+    /// combination of values becomes a table row
     #[arg(long, value_name = "METHODS", default_value_t = STABILITY.clone())]
     pub methods: String,
-    /// Cases, separated by commas [default: all]
+    /// Names of the test cases, separated by commas [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]
     pub cases: Vec<String>,
 }
 
-/// Runs the command.
+/// Runs the `stability` command: tests shadow methods for numerical faults and writes a table of results.
 ///
 /// # Errors
-/// Bad input, a failure of the disk, or (after everything is written) a case that is not well.
+/// Bad input, a failure of the disk, or (after everything is written) a failed check.
 pub fn run(args: &StabilityArgs) -> Result<()> {
-    // Refused before anything is done, as are unknown cases and a folder that is a file.
+    // Bad methods, unknown cases and a folder that is a file are rejected before any work is done.
     let methods = MethodSpec::parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
@@ -44,7 +45,7 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     verdict(&rows, &args.table.output.join("stability.csv").display())
 }
 
-/// The named cases in the order of the list, or all of them.
+/// Selects test cases by name, in the order of the list of all cases. Selects all if no name is given.
 fn pick<'a>(every: &'a [Case], names: &[String]) -> Result<Vec<&'a Case>> {
     if let Some(unknown) = names.iter().find(|n| !every.iter().any(|c| c.name == **n)) {
         let known: Vec<_> = every.iter().map(|c| c.name.as_str()).collect();
@@ -54,12 +55,12 @@ fn pick<'a>(every: &'a [Case], names: &[String]) -> Result<Vec<&'a Case>> {
     Ok(every.iter().filter(|c| names.is_empty() || names.contains(&c.name)).collect())
 }
 
-/// An error where a row is not well.
+/// Fails if a row of the stability table reports a numerical fault.
 fn verdict(rows: &[Row], place: &dyn std::fmt::Display) -> Result<()> {
     if rows.iter().all(|r| r.status == Status::Ok) {
         return Ok(());
     }
-    Err(Error::runtime("not every case went well", place, counted(rows)))
+    Err(Error::runtime("stability checks failed", place, counted(rows)))
 }
 
 #[cfg(test)]

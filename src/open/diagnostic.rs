@@ -1,6 +1,6 @@
-//! Notes and warnings about accepted inputs.
+//! Notes and warnings for the user about inputs that are accepted.
 
-/// Severity of a diagnostic.
+/// Severity of a message about an accepted input: note or warning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Level {
@@ -9,7 +9,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// Prefix on the terminal.
+    /// Prefix of a note or warning on the terminal.
     pub fn name(self) -> &'static str {
         match self {
             Self::Note => "note",
@@ -18,22 +18,22 @@ impl Level {
     }
 }
 
-/// Note or warning about an accepted input.
+/// Note or warning for the user about an accepted input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Severity.
+    /// Severity of the message: note or warning.
     pub level: Level,
-    /// One line.
+    /// Text of the note or warning, one line.
     pub message: String,
 }
 
 impl Diagnostic {
-    /// Note: an assumption.
+    /// Creates a note, which states an assumption about an input.
     pub fn note(message: String) -> Self {
         Self { level: Level::Note, message }
     }
 
-    /// Warning: a probable mistake.
+    /// Creates a warning, which states a probable mistake in an input.
     pub fn warning(message: String) -> Self {
         Self { level: Level::Warning, message }
     }

@@ -1,4 +1,4 @@
-//! Downsampling of volumes to given factors, bytes, or the limits of the machine and its adapter.
+//! Downsampling of a volume by given factors, to a number of bytes, or to the limits of memory and textures.
 
 use crate::error::{Error, Result};
 use crate::field::Fold;
@@ -8,12 +8,13 @@ use crate::gpu::texture_side;
 use crate::volume::{Downsample, Volume};
 use crate::with_voxels;
 
-/// Limit of a 3-D texture's side in WebGPU, where no adapter can be asked.
+/// Largest side of a 3-D texture that every WebGPU device supports, used if no adapter is found.
 const CORE_TEXTURE_SIDE: usize = 2048;
-/// Largest number of bytes for each voxel on a device that shares the machine's memory.
+/// Largest number of bytes of a voxel on a graphics device that shares the machine's memory.
 const DEVICE_BYTES: u64 = 4;
 
-/// Limits that `--downsample` sets. The memory of a graphics card is unknown; free memory is known on Linux.
+/// Converts the value of `--downsample` to limits on the volume's size. The memory of a graphics card is unknown;
+/// free memory is known on Linux.
 pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
     let room = MemoryBudget {
         fixed: None,
@@ -35,7 +36,7 @@ pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
     }
 }
 
-/// Downsamples a volume to its limits, unless its reader has done so.
+/// Downsamples a volume to the given limits, unless its reader has already done it.
 pub(super) fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
     let Some(room) = room else { return Ok(volume) };
     if let Some(Reduced { from, factors }) = loading.take_reduced() {

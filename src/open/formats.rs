@@ -1,5 +1,5 @@
-//! Registry of volume formats, and reading by it. One entry of [`FORMATS`] is all that a format needs: errors, hints, help
-//! and the window's dialog read that list.
+//! Registry of the volume file formats, and reading of volumes with it. A new format needs only one entry in
+//! [`FORMATS`]: errors, hints, help and the file dialog use that list.
 
 use super::downsample::{downsampled, room_for};
 use super::layer::layer;
@@ -21,54 +21,58 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 layer! {
-/// Flags of reading a volume; absent ones are `None`.
+/// Command-line flags for reading a volume; a flag that is not given is `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct ReadFlags {
     /// Read VOLUME as raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", help_heading = "Volume")]
     pub raw: Option<RawLayout>,
-    /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the file's, or 1,1,1]
+    /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the
+    /// file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]
     #[arg(long, value_name = "BYTES", allow_hyphen_values = true, help_heading = "Volume")]
     pub offset: Option<u64>,
-    /// Series of a DICOM folder that holds several, from 1 in the order of their series numbers
+    /// DICOM series of a folder that holds several, from 1 in the order of their series numbers
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub series: Option<usize>,
-    /// Volume of a 4-D file, from 0 [default: 0]
+    /// Volume (time frame) of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
-    /// Resolution level of a multi-resolution image, from 0, the finest [default: the finest that fits memory and a texture]
+    /// Resolution level of a multi-resolution image, from 0, the finest [default: the finest that fits memory and a
+    /// texture]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub level: Option<usize>,
-    /// Read only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
+    /// Read only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default:
+    /// all]
     #[arg(long, value_name = "RANGES", allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
-    /// Downsample to the means of blocks: blocks of 2x2x1 voxels; or the smallest that leave so many bytes of voxels
-    /// (--downsample=2GiB), or as many as the adapter's textures and free memory hold (--downsample) [default: all voxels]
+    /// Downsample by averaging blocks of voxels: of 2x2x1 voxels; or the smallest blocks that leave at most so many
+    /// bytes of voxels (--downsample=2GiB), or as many as the adapter's textures and free memory hold (--downsample)
+    /// [default: all voxels]
     #[arg(long, value_name = "auto|BYTES|XxYxZ", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
     pub downsample: Option<Downsample>,
-    /// Flags of voxelising strands.
+    /// Command-line flags for voxelising strands.
     #[command(flatten)]
     #[serde(flatten)]
     pub strands: StrandFlags,
 }
 }
 
-/// Name of a volume, and how to read it.
+/// Specification of a volume: its path or built-in name, and the flags for reading it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
-    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a file of [`crate::strands::STRAND_FORMATS`] and
-    /// `phantom:hair-NAME[:SEGMENTS]` are strands.
+    /// Source of the volume: a path, or `phantom:NAME[:SIZE]` for a built-in volume. A file of
+    /// [`crate::strands::STRAND_FORMATS`] and `phantom:hair-NAME[:SEGMENTS]` are strands.
     pub source: String,
-    /// Flags of reading.
+    /// Command-line flags for reading the volume.
     pub flags: ReadFlags,
 }
 
 impl VolumeSpec {
-    /// Volume of a path or `phantom:NAME[:SIZE]`, without flags.
+    /// Specifies a volume by its path or `phantom:NAME[:SIZE]`, without flags.
     pub fn new(source: impl Into<String>) -> Self {
         Self { source: source.into(), flags: ReadFlags::default() }
     }
@@ -77,7 +81,7 @@ impl VolumeSpec {
         Path::new(&self.source)
     }
 
-    /// SHA-256 of the file, or of several concatenated; `None` for a built-in volume.
+    /// Computes the SHA-256 of the volume's file, or of its concatenated files; `None` for a built-in volume.
     ///
     /// # Errors
     /// A file that cannot be read.
@@ -89,18 +93,18 @@ impl VolumeSpec {
         sha256_of_files(files.iter().map(PathBuf::as_path)).map(Some)
     }
 
-    /// Name behind `phantom:`.
+    /// Name of the built-in volume after `phantom:`; `None` for a file.
     fn phantom(&self) -> Option<&str> {
         self.source.strip_prefix("phantom:")
     }
 
-    /// Layout of a raw file; `--raw` wins over the file's name.
+    /// Layout of a raw volume file; `--raw` wins over the layout in the file's name.
     fn layout(&self) -> Option<RawLayout> {
         let of_name = || RawLayout::from_file_name(self.path());
         self.phantom().is_none().then(|| self.flags.raw.or_else(of_name)).flatten()
     }
 
-    /// Raw file with its layout from `--raw`, from a sidecar file, or from its name.
+    /// Describes a raw volume file. The layout comes from `--raw`, else from a sidecar file, else from its name.
     fn raw_file(&self) -> Result<RawFile> {
         let sidecar = if self.flags.raw.is_none() { Sidecar::beside(self.path())? } else { None };
         let layout = match (&sidecar, self.layout()) {
@@ -130,12 +134,12 @@ impl VolumeSpec {
         zarr::Choice { level, frame: self.frame(), spacing_mm: spacing }
     }
 
-    /// Whether it names strands.
+    /// Whether the volume's source is strands, which are voxelised.
     fn is_of_strands(&self) -> bool {
         self.layout().is_none() && is_strand_source(&self.source)
     }
 
-    /// Refuses a shading that does not fit the kind of volume.
+    /// Returns an error if the shading model does not fit the volume: `kajiya-kay` needs strands.
     pub(super) fn check_shading(&self, shading: Option<Shading>) -> Result<()> {
         match shading {
             Some(Shading::KajiyaKay) if !self.is_of_strands() => {
@@ -158,12 +162,12 @@ impl Default for VolumeSpec {
     }
 }
 
-/// A volume that was read.
+/// Volume that was read, with the strands that it was made from, if any.
 #[derive(Debug)]
 pub struct Read {
-    /// Voxels.
+    /// Volume that was read.
     pub volume: Volume,
-    /// Strands that the voxels were made from.
+    /// Strands that the volume was voxelised from, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
 }
 
@@ -173,21 +177,22 @@ impl From<Volume> for Read {
     }
 }
 
-/// A format of volumes.
+/// File format of volumes: its description, flags and reader.
 #[derive(Debug)]
 pub struct Format {
-    /// Description that follows `SOURCE is`.
+    /// Description of the volume format in error messages, after the words `SOURCE is`.
     pub kind: &'static str,
-    /// Usage, in hints and in help.
+    /// Usage of the volume format in hints and help, with its file extensions.
     pub usage: &'static str,
-    /// File extensions without their first parts, for the window's dialog.
+    /// File extensions of the volume format for the file dialog; of a double extension such as `.nii.gz` only the
+    /// last part.
     pub endings: &'static [&'static str],
-    /// Keys of [`ReadFlags`] that apply.
+    /// Names of the reading flags ([`ReadFlags`]) that apply to this volume format.
     pub flags: &'static [&'static str],
-    /// Detects the format by flags, first bytes and name.
+    /// Detects the volume format from flags, the file's first bytes and its name.
     sniff: fn(&VolumeSpec, &Head) -> bool,
     read: fn(&VolumeSpec, &Loading) -> Result<Read>,
-    /// Files that an input consists of.
+    /// Lists the files that make up a volume of this format.
     files: fn(&VolumeSpec) -> Result<Vec<PathBuf>>,
 }
 
@@ -195,7 +200,8 @@ fn itself(spec: &VolumeSpec) -> Result<Vec<PathBuf>> {
     Ok(vec![spec.path().into()])
 }
 
-/// Every format, in the order of detection; the last one accepts every input, and its error lists them all.
+/// List of all volume formats in the order of detection. The last one accepts every input, and its error lists all
+/// formats.
 pub const FORMATS: &[Format] = &[
     Format {
         kind: "a built-in volume",
@@ -322,12 +328,12 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// Usage of every format, in one line.
+/// Usage of every volume format, in one line.
 pub fn accepted() -> String {
     FORMATS.iter().map(|f| f.usage).collect::<Vec<_>>().join(", ")
 }
 
-/// Reads a volume.
+/// Reads a volume from a file, or builds a built-in one.
 ///
 /// # Errors
 /// See [`VolumeSpec::read`].
@@ -336,7 +342,7 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
 }
 
 impl VolumeSpec {
-    /// Reads the volume, with the strands that it was made from; `loading` reports progress and cancels.
+    /// Reads the volume and the strands that it was made from; `loading` shows progress and can cancel the reading.
     ///
     /// # Errors
     /// A file that cannot be read, a flag of another format, or cancellation.
@@ -359,7 +365,7 @@ impl VolumeSpec {
         outcome
     }
 
-    /// Refuses a flag of other formats.
+    /// Returns an error for a reading flag that does not apply to this volume format.
     fn check_flags(&self, format: &Format) -> Result<()> {
         // Every format has a first frame.
         let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags };
@@ -393,7 +399,7 @@ mod tests {
         assert!(known.iter().all(|flag| used.contains(flag)), "{known:?} {used:?}");
         used.retain(|flag| !known.contains(flag));
         assert!(used.is_empty(), "{used:?}");
-        // What is done to any volume once it was read.
+        // Crop and downsample apply to any volume once it was read.
         for format in FORMATS.iter().filter(|f| f.flags.contains(&"crop")) {
             assert!(format.flags.contains(&"downsample"), "{}", format.kind);
         }

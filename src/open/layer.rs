@@ -1,8 +1,8 @@
-//! Layers of optional settings: flags over a scene file over defaults.
+//! Layers of optional settings: flags win over a scene file, which wins over defaults.
 
-/// Optional settings that can be laid over others.
+/// Optional settings that can be combined in layers.
 pub trait Layer {
-    /// Combines two layers of settings: values of `self` where given, values of `below` otherwise.
+    /// Combines two layers of settings: a value of this layer wins over one of the layer below.
     #[must_use]
     fn over(&self, below: &Self) -> Self;
 }
@@ -19,7 +19,7 @@ impl Layer for bool {
     }
 }
 
-/// Declares a struct of optional settings, or of groups of them, as a [`Layer`].
+/// Declares a struct of optional settings, or of groups of such settings, that implements [`Layer`].
 macro_rules! layer {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
         $(#[$meta])*

@@ -1,4 +1,4 @@
-//! Loading of a scene: reads a volume, and prepares its transfer function and camera.
+//! Loads a scene: reads its volume, and prepares its transfer function, opaque objects and camera.
 
 use super::masking::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
@@ -13,37 +13,38 @@ use crate::transfer::formats::Imported;
 use crate::volume::Volume;
 use std::sync::Arc;
 
-/// A volume, the transfer function in its units, and the scene.
+/// Loaded scene: its volume, the transfer function in the volume's units, and camera and lights.
 #[derive(Debug)]
 pub struct Loaded {
-    /// Volume.
+    /// Volume of the loaded scene.
     pub volume: Arc<Volume>,
-    /// Strands that the volume was made from.
+    /// Strands that the scene's volume was voxelised from, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Transfer function.
+    /// Transfer function of the loaded scene, in the units of its volume.
     pub tf: TransferFunction,
-    /// Preset or file of the transfer function.
+    /// Name of the preset or path of the file of the scene's transfer function.
     pub tf_source: String,
-    /// Camera, lights and picture.
+    /// Camera, lights, opaque objects and picture size of the loaded scene.
     pub scene: Scene,
-    /// Bounds that a camera frames.
+    /// Bounds of the visible part of the volume, which a camera frames.
     pub bounds: VisibleBounds,
-    /// Units and opacity scale, given or derived from the volume.
+    /// Units of the volume's values and factor on extinction, given by the user or derived from the volume.
     pub suiting: Suiting,
-    /// Notes and warnings.
+    /// Notes and warnings for the user about the loaded scene.
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// Transfer functions that settings name, found before the volume is read.
+/// Transfer functions that a scene's settings name, found before its volume is read.
 #[derive(Debug)]
 pub struct Functions {
-    /// Function of the whole volume; `None`: the default preset.
+    /// Transfer function of the whole volume with its name; `None` for the default preset.
     whole: Option<(String, Found)>,
     of_labels: Vec<(LabelList, Found)>,
 }
 
 impl Functions {
-    /// Replaces the function of the whole volume, in the volume's units or in fractions of its range; `source` names it.
+    /// Replaces the transfer function of the whole volume by `tf`, whose values are the volume's or fractions of its
+    /// range. `source` is its name.
     #[must_use]
     pub fn with_whole(self, source: &str, tf: TransferFunction) -> Self {
         let carried = Imported { tf, warnings: Vec::new(), format: "umbravox" };
@@ -52,7 +53,8 @@ impl Functions {
 }
 
 impl Loaded {
-    /// Scene of other settings with the same appearance ([`SceneSettings::looks_as`]).
+    /// Returns the scene of other settings for the same volume, transfer function and opaque objects
+    /// ([`SceneSettings::looks_as`]); only camera, lights and picture differ.
     ///
     /// # Errors
     /// A camera without direction, or shading that does not fit the volume.
@@ -63,7 +65,7 @@ impl Loaded {
 }
 
 impl SceneSettings {
-    /// Loads the scene, cheap files first; `loading` reports progress and cancels.
+    /// Loads a scene; small files are read first. `loading` shows progress and can cancel it.
     ///
     /// # Errors
     /// A file that cannot be read, settings that contradict each other, or cancellation.
@@ -74,7 +76,8 @@ impl SceneSettings {
         self.look_at((Arc::new(volume), strands), functions, diagnostics, loading)
     }
 
-    /// Finds the transfer functions, and checks everything that needs no volume; `is_labelled`: the volume has labels already.
+    /// Finds the scene's transfer functions, and validates all settings that need no volume. `is_labelled` says that
+    /// the volume already has labels.
     ///
     /// # Errors
     /// A function that cannot be found or read, or settings that contradict each other.
@@ -87,7 +90,8 @@ impl SceneSettings {
         Ok(Functions { whole, of_labels })
     }
 
-    /// Reads the volume and the labels of its voxels; notes and warnings join `diagnostics`.
+    /// Reads the scene's volume and the segmentation labels of its voxels. It appends notes and warnings to
+    /// `diagnostics`.
     ///
     /// # Errors
     /// A file that cannot be read, or cancellation.
@@ -99,7 +103,8 @@ impl SceneSettings {
         Ok(Read { volume, strands })
     }
 
-    /// Prepares transfer function, opaque objects and camera of a volume that is read; `diagnostics` are those so far.
+    /// Prepares transfer function, opaque objects and camera for a volume that has been read. `diagnostics` are the
+    /// notes and warnings so far.
     ///
     /// # Errors
     /// Settings that do not fit the volume, or opaque objects that cannot be read.
@@ -119,7 +124,7 @@ impl SceneSettings {
         };
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        // Labels have factors of their own: that of a preset does not apply to a file.
+        // Each label's transfer function has its own factor: that of a preset does not apply to a file.
         let own = Suiting { units: suiting.units, ..self.suiting() };
         tf.rules = self.masking.rules(functions.of_labels, &tf, &volume, own, &mut diagnostics)?;
         tf.clip = self.masking.planes(strands.is_some())?;
@@ -131,13 +136,13 @@ impl SceneSettings {
         Ok(Loaded { volume, strands, tf, tf_source, scene, bounds, suiting, diagnostics })
     }
 
-    /// Whether both read the same volume in the same way.
+    /// Whether two scenes' settings read the same volume in the same way.
     pub fn reads_as(&self, other: &Self) -> bool {
         let read = |s: &Self| (s.volume.clone(), s.read_flags, s.masking.labels.clone(), s.sha256.clone());
         read(self) == read(other)
     }
 
-    /// Whether only cameras, lights and pictures differ.
+    /// Whether two scenes' settings differ at most in camera, lights, shading and picture.
     pub fn looks_as(&self, other: &Self) -> bool {
         let look = |s: &Self| {
             (s.tf.clone(), s.suiting(), s.masking.clone(), s.opaque.clone(), s.disabled_optimizations())
@@ -145,7 +150,7 @@ impl SceneSettings {
         self.reads_as(other) && look(self) == look(other)
     }
 
-    /// Warning where the volume's file has another SHA-256 than `sha256`.
+    /// Returns a warning if the SHA-256 of the volume's file differs from that in the settings.
     fn checksum_warning(&self) -> Result<Option<String>> {
         let Some(expected) = &self.sha256 else { return Ok(None) };
         let spec = self.spec();

@@ -1,4 +1,4 @@
-//! Masking of a volume: clip planes, and the labels of a segmentation.
+//! Masking of a volume by clip planes and by the labels of a segmentation.
 
 use super::layer::layer;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
@@ -15,37 +15,37 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Limit of labels that one flag names.
+/// Largest number of segmentation labels in one flag.
 const MOST_NAMED: usize = 4096;
-/// Relative error of a converted function from which a warning is due.
+/// Relative error of a converted transfer function above which the user gets a warning.
 const OFF_SAID: f64 = 0.002;
-/// Limit of labels that a message lists.
+/// Largest number of segmentation labels that a message lists.
 const MOST_SHOWN: usize = 12;
 
 layer! {
-/// Flags that mask parts of a volume.
+/// Command-line flags that mask parts of a volume.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct MaskFlags {
-    /// Keep only the half-space n·x >= d, world mm; may be given several times: outside there is no extinction
-    /// [default: all]
+    /// Clip the volume to the half-space n·x >= d, world mm; may be given several times: outside there is no
+    /// extinction [default: all]
     #[arg(long, value_name = "NX,NY,NZ,D", allow_hyphen_values = true, help_heading = "Volume")]
     pub clip: Option<Vec<ClipPlane>>,
-    /// Segmentation of the volume, a file of whole numbers: each voxel takes the label of the nearest of its voxels, 0
-    /// outside [default: none]
+    /// Segmentation of the volume, a file of integer labels: each voxel takes the label of the nearest segmentation
+    /// voxel, 0 outside [default: none]
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
     pub labels: Option<String>,
-    /// Labels without extinction, such as 1,4-6 [default: none]
+    /// Segmentation labels to hide (zero extinction), such as 1,4-6 [default: none]
     #[arg(long, value_name = "LABELS", help_heading = "Volume")]
     pub hide: Option<LabelList>,
-    /// Transfer function of some labels, LABELS=FILE|PRESET; may be given several times: the last for a label counts
-    /// [default: that of --tf for all]
+    /// Transfer function of some segmentation labels, LABELS=FILE|PRESET; may be given several times: the last for a
+    /// label counts [default: that of --tf for all]
     #[arg(id = "label-tf", long, value_name = "LABELS=TF", help_heading = "Volume")]
     #[serde(rename = "label-tf")]
     pub label_tf: Option<Vec<LabelFunction>>,
 }
 }
 
-/// Labels, as `1,4-6`.
+/// List of segmentation labels, written as `1,4-6`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelList {
     labels: Vec<u32>,
@@ -99,12 +99,12 @@ impl Serialize for LabelList {
     }
 }
 
-/// A transfer function for some labels, as `1,4-6=bone`.
+/// Transfer function for some segmentation labels, written as `1,4-6=bone`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelFunction {
-    /// Labels.
+    /// Segmentation labels that this transfer function is for.
     pub labels: LabelList,
-    /// A preset or a file.
+    /// Preset name or file path of the transfer function for these labels.
     pub tf: String,
 }
 
@@ -128,7 +128,7 @@ impl Serialize for LabelFunction {
 }
 
 impl MaskFlags {
-    /// Clip planes.
+    /// Returns the clip planes of `--clip`.
     ///
     /// # Errors
     /// Too many, or any for strands, whose segments would have to be cut.
@@ -144,7 +144,8 @@ impl MaskFlags {
         Ok(planes)
     }
 
-    /// Finds the transfer functions of labels, before the volume is read; `is_labelled`: the volume has labels already.
+    /// Finds the transfer functions of segmentation labels before the volume is read. `is_labelled` says that the
+    /// volume already has labels.
     ///
     /// # Errors
     /// A function that cannot be found or read, or flags that need a segmentation where there is none.
@@ -159,7 +160,7 @@ impl MaskFlags {
             .collect()
     }
 
-    /// Volume with the labels of its segmentation, if any.
+    /// Reads the segmentation of `--labels`, if given, and adds its labels to the volume.
     ///
     /// # Errors
     /// The segmentation cannot be read, or does not hold whole numbers.
@@ -198,7 +199,8 @@ impl MaskFlags {
         volume.labelled(Arc::new(labels))
     }
 
-    /// Rules for a volume's labels: their functions, adapted to the volume and to the kind of `tf`, then the hidden ones.
+    /// Returns the rules for a volume's segmentation labels: their transfer functions, then the hidden labels. The
+    /// functions are adapted to the volume, and store opacity or extinction as `tf` does.
     ///
     /// # Errors
     /// A function that cannot be adapted.
@@ -215,7 +217,7 @@ impl MaskFlags {
             let ResolvedTransferFunction { tf: own, warnings, notes, .. } = found.suit(volume, suiting)?;
             diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
             diagnostics.extend(notes.into_iter().map(Diagnostic::note));
-            // One set of tables holds all functions.
+            // One set of device tables stores all functions, which must therefore have the same quantity.
             if !have_same_quantity(&own, tf) {
                 let (name, kind) = (&own.name, kind_of(tf));
                 let text = format!("`{name}`, of labels {list}, became {kind}, as --tf is");
@@ -236,13 +238,13 @@ impl MaskFlags {
         Ok(rules)
     }
 
-    /// Names of files.
+    /// Mutable file names of the segmentation and of its labels' transfer functions.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         self.labels.iter_mut().chain(self.label_tf.iter_mut().flatten().map(|f| &mut f.tf))
     }
 }
 
-/// Quantity of a function, in words.
+/// Describes whether a transfer function stores opacities or extinction, for messages.
 fn kind_of(tf: &TransferFunction) -> String {
     match tf.quantity {
         Quantity::Opacity => format!("opacities over {} mm", tf.reference_length_mm),
@@ -250,7 +252,7 @@ fn kind_of(tf: &TransferFunction) -> String {
     }
 }
 
-/// The first of some labels, as text.
+/// Formats the first segmentation labels of a list as text.
 fn shown(labels: &[u32]) -> String {
     let first: Vec<String> = labels.iter().take(MOST_SHOWN).map(u32::to_string).collect();
     let more = labels.len().saturating_sub(MOST_SHOWN);

@@ -1,4 +1,4 @@
-//! Opaque objects of a scene: files of meshes and of strands, each with a colour.
+//! Opaque objects of a scene: mesh files and strand files, each with a colour.
 
 use super::Diagnostic;
 use super::layer::layer;
@@ -15,29 +15,30 @@ use std::path::Path;
 use std::sync::Arc;
 
 layer! {
-/// Opaque objects in the volume; absent ones are `None`.
+/// Command-line flags for opaque objects in the volume; a flag that is not given is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct OpaqueFlags {
     /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
-    /// ,color=#rrggbb (sRGB, bone)
+    /// ,color=#rrggbb (sRGB; default: bone)
     #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
     pub mesh: Option<Vec<OpaqueFile>>,
-    /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
-    /// phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
-    /// has none)
+    /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj
+    /// file or phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB; default: blue) and ,thickness=MM
+    /// (needed if the file has none)
     #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
     pub strands: Option<Vec<OpaqueFile>>,
 }
 }
 
-/// A file of an opaque object, its colour, and the diameter of strands: `FILE[,color=#rrggbb][,thickness=MM]`.
+/// File of an opaque object (mesh or strands) with its colour and the strands' diameter:
+/// `FILE[,color=#rrggbb][,thickness=MM]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpaqueFile {
-    /// A path, or `phantom:hair-NAME[:SEGMENTS]`.
+    /// Path of the opaque object's file, or `phantom:hair-NAME[:SEGMENTS]` for built-in strands.
     pub source: String,
-    /// Linear RGB.
+    /// Colour of the opaque object, linear RGB.
     pub color: [f64; 3],
-    /// Diameter of strands, mm; `None`: the file's.
+    /// Diameter of the opaque strands, mm; `None` for the diameters of the file.
     pub thickness_mm: Option<f64>,
 }
 
@@ -49,14 +50,14 @@ impl Serialize for OpaqueFile {
     }
 }
 
-/// Parses a mesh file with its colour.
+/// Parses the value of `--mesh`: a mesh file with its colour.
 fn mesh_file(text: &str) -> Result<OpaqueFile, String> {
     let (source, [hex]) = values::with_keys(text, ["color"])?;
     let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
     Ok(OpaqueFile { source: source.into(), color, thickness_mm: None })
 }
 
-/// Parses a file of strands with its colour and diameter.
+/// Parses the value of `--strands`: a strand file with its colour and diameter.
 fn strand_file(text: &str) -> Result<OpaqueFile, String> {
     let (source, [hex, mm]) = values::with_keys(text, ["color", "thickness"])?;
     let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
@@ -66,12 +67,13 @@ fn strand_file(text: &str) -> Result<OpaqueFile, String> {
 }
 
 impl OpaqueFlags {
-    /// Names of the mesh files, to be changed.
+    /// Mutable paths of all mesh and strand files of the scene's opaque objects.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         [&mut self.mesh, &mut self.strands].into_iter().flatten().flatten().map(|file| &mut file.source)
     }
 
-    /// Reads all opaque objects into one mesh, if there are any; notes and warnings join `diagnostics`.
+    /// Reads all opaque objects of a scene into one mesh, if there are any. It appends notes and warnings to
+    /// `diagnostics`.
     ///
     /// # Errors
     /// A file that cannot be read or has another format, or too many triangles.
@@ -98,7 +100,7 @@ impl OpaqueFlags {
         Ok(Some(Arc::new(Mesh::new(parts).map_err(|e| e.at(flag))?)))
     }
 
-    /// Flags of a mesh: the inverse of [`Self::read`].
+    /// Returns the flags that describe the opaque objects of a scene; it is the inverse of [`Self::read`].
     pub(super) fn of(mesh: Option<&Mesh>) -> Self {
         let (mut files, mut strands) = (Vec::new(), Vec::new());
         for (source, color) in mesh.into_iter().flat_map(Mesh::parts) {
@@ -116,7 +118,7 @@ impl OpaqueFlags {
 }
 
 impl OpaqueFile {
-    /// Tubes of the strands, with at most `most` triangles.
+    /// Reads strands and makes opaque tubes of them, with at most `most` triangles.
     fn read(&self, most: usize, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<MeshPart> {
         let Self { source, color, thickness_mm } = self;
         let strands = load_strands(source, *thickness_mm, loading).map_err(|e| match e.hint {

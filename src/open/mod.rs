@@ -1,4 +1,4 @@
-//! Input: turns what a user names on the command line, in a scene file or in the window into volumes and scenes.
+//! Input: turns the names of volumes and scenes in flags, scene files and the window into loaded volumes and scenes.
 
 mod diagnostic;
 mod downsample;

@@ -1,4 +1,4 @@
-//! Transfer functions of `--tf`: finds a preset or file, and adapts it to a volume.
+//! Finds the transfer function of `--tf`, a preset or a file, and adapts it to a volume.
 
 use super::units::{Meaning, Units, ValueKind, of_strands};
 use crate::error::{Error, Result};
@@ -9,54 +9,55 @@ pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
 use std::path::Path;
 
-/// HU that are scaled to the value range of a volume without HU.
+/// Window of HU that transfer-function presets in HU map to the value range of a volume whose values are not HU.
 ///
-/// An 8-bit CT is commonly such a window: air at the bottom, dense bone clipped at the top, and soft tissue at about 0.58
-/// of the range.
+/// An 8-bit CT is commonly such a window: air at the bottom, dense bone clipped at the top, and soft tissue at about
+/// 0.58 of the range.
 pub const HU_WINDOW: [f64; 2] = [-1000.0, 800.0];
 
-/// Diagonal of the volumes that presets are made for, mm.
+/// Diagonal of the volumes for which transfer-function presets are made, mm.
 pub const NOMINAL_DIAGONAL_MM: f64 = 400.0;
-/// Presets stay unchanged for a volume whose diagonal is within this factor of the nominal one, or whose voxels are within
-/// these spacings (geometric mean, mm): every CT of a body or a part of it.
+/// Limits within which presets keep their extinction, so that every CT of a body or of a part of it counts: factor
+/// between the volume's diagonal and the nominal one, or voxel spacing (geometric mean, mm).
 const DIAGONAL_FACTOR: f64 = 4.0;
 const BODY_SPACINGS_MM: [f64; 2] = [0.3, 3.0];
 
-/// Largest extinction in float32 arithmetic.
+/// Largest extinction (1/mm) of a transfer function that float32 arithmetic allows.
 const MOST_EXTINCTION: f64 = 1e30;
 
-/// Transfer function that was found and read, not yet adapted to a volume.
+/// Transfer function that was found and read but is not yet adapted to a volume.
 #[derive(Debug, Clone)]
 pub enum Found {
-    /// A built-in function.
+    /// Built-in transfer function.
     Preset(&'static Preset),
-    /// One from a file.
+    /// Transfer function read from a file.
     File(Imported),
 }
 
-/// Units and opacity scale; `None`: as the volume suggests.
+/// Units and extinction factor with which a transfer function is adapted to a volume; `None` derives them from the
+/// volume.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Suiting {
-    /// Interpretation of the volume's values.
+    /// Interpretation of the volume's values: HU or fractions of their range.
     pub units: Option<Units>,
-    /// Factor of the extinction.
+    /// Factor on the transfer function's extinction.
     pub opacity_scale: Option<f64>,
 }
 
-/// A transfer function in the units of its volume.
+/// Transfer function that is adapted to the values of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedTransferFunction {
-    /// Function in the values of the volume.
+    /// Transfer function in the values of the volume.
     pub tf: TransferFunction,
-    /// Adaptations, one line each.
+    /// Notes on how the transfer function was adapted to the volume, one line each.
     pub notes: Vec<String>,
-    /// Properties of the file that the function lacks, one line each.
+    /// Warnings on properties of the transfer function's file that are not supported, one line each.
     pub warnings: Vec<String>,
-    /// Units and opacity scale that were applied.
+    /// Units and extinction factor that were applied to the transfer function.
     pub suiting: Suiting,
 }
 
-/// Finds a preset by name; a path with a known extension, or of an existing file, is read.
+/// Finds a transfer function: a preset by its name, or else a file by its path.
 ///
 /// # Errors
 /// No such preset (the hint lists them), or a file that cannot be read.
@@ -79,8 +80,8 @@ pub fn find(name_or_path: &str) -> Result<Found> {
 }
 
 impl Found {
-    /// Adapts the function to the volume's units: presets by their [`Scale`], files where they hold fractions. Extinction is
-    /// scaled by the given factor, that of presets otherwise by the volume's size.
+    /// Adapts the transfer function to the volume's units: presets by their [`Scale`], files only if their values are
+    /// fractions. Extinction is scaled by the given factor; without one, presets scale it by the volume's size.
     ///
     /// # Errors
     /// The extinction becomes too large.
@@ -127,7 +128,7 @@ impl Found {
         Ok(ResolvedTransferFunction { tf, notes, warnings, suiting })
     }
 
-    /// Function in its own units, with the warnings of its file.
+    /// Returns the transfer function in its own units, not adapted to a volume, with the warnings of its file.
     pub fn as_it_is(self) -> (TransferFunction, Vec<String>) {
         match self {
             Self::Preset(preset) => (preset.transfer_function(), Vec::new()),
@@ -136,7 +137,7 @@ impl Found {
     }
 }
 
-/// Preset in the values of a volume.
+/// Adapts a transfer-function preset to the values of a volume, and adds notes on it.
 fn preset_for(
     preset: &Preset,
     volume: &Volume,
@@ -185,7 +186,7 @@ fn laid_over(
     // A constant volume has no range: its value stands for all of it.
     let width = if to[1] > to[0] { to[1] - to[0] } else { 1.0 };
     let mut scaled = tf.scale_values(|v| to[0] + (v - from[0]) / (from[1] - from[0]) * width);
-    // Written to a file, the values are not to be scaled again.
+    // If the function is written to a file, its values must not be scaled again.
     scaled.units.clear();
     // A single point is one amount everywhere: nothing was scaled.
     if scaled.points.len() > 1 {
@@ -195,14 +196,14 @@ fn laid_over(
     scaled
 }
 
-/// Diagonal of a volume's domain, mm.
+/// Diagonal of a volume's bounding box, mm.
 fn diagonal_mm(volume: &Volume) -> f64 {
     let corners = volume.corners_mm();
     corners.iter().map(|c| c.distance(corners[0])).fold(0.0, f64::max)
 }
 
-/// Factor on the extinction of presets in a volume far from the size of a body, so that light fades over the same share of
-/// it: [`NOMINAL_DIAGONAL_MM`] over its diagonal. `None` near that size.
+/// Factor on the extinction of presets for a volume much smaller or larger than a body, so that light fades over the
+/// same fraction of it: [`NOMINAL_DIAGONAL_MM`] over the volume's diagonal. `None` near the size of a body.
 pub fn size_factor(volume: &Volume) -> Option<f64> {
     let spacing_mm = volume.spacing_mm().into_iter().product::<f64>().cbrt();
     let factor = NOMINAL_DIAGONAL_MM / diagonal_mm(volume);
@@ -211,12 +212,12 @@ pub fn size_factor(volume: &Volume) -> Option<f64> {
     (factor.is_finite() && factor > 0.0 && !is_near).then(|| rounded(factor).clamp(1e-6, 1e6))
 }
 
-/// Rounds to three digits.
+/// Rounds to three significant digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// Finds a transfer function and adapts it to a volume.
+/// Finds a transfer function by preset name or file path, and adapts it to a volume.
 ///
 /// # Errors
 /// See [`find`] and [`Found::suit`].
@@ -224,7 +225,8 @@ pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFu
     resolve_as(name_or_path, volume, Suiting::default())
 }
 
-/// Finds a transfer function and adapts it to a volume, with given units and opacity scale.
+/// Finds a transfer function by preset name or file path, and adapts it to a volume with the requested units and
+/// extinction factor.
 ///
 /// # Errors
 /// See [`find`] and [`Found::suit`].
@@ -236,13 +238,13 @@ pub fn resolve_as(
     find(name_or_path)?.suit(volume, requested)
 }
 
-/// Default preset: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
-/// without (its background, often 0, would be opaque as soft tissue), `engine` otherwise.
+/// Name of the default transfer-function preset for a volume: `hair` for strands, `ct` for HU with air, `bone` for HU
+/// without air, `engine` otherwise. Without air the background, often 0, would be as opaque as soft tissue.
 pub fn default_name(volume: &Volume) -> &'static str {
     default_of(&Meaning::of(volume, None))
 }
 
-/// Default preset for an interpretation of values.
+/// Default transfer-function preset for an interpretation of a volume's values.
 fn default_of(meaning: &Meaning) -> &'static str {
     match (meaning.kind, meaning.has_air) {
         (ValueKind::Extinction, _) => "hair",
@@ -252,7 +254,7 @@ fn default_of(meaning: &Meaning) -> &'static str {
     }
 }
 
-/// Text of a file in this program's format; others are converted.
+/// Text of a transfer-function file in this program's format; a file of another format is converted.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -264,7 +266,8 @@ pub fn own_text(path: &Path) -> Result<String> {
     }
 }
 
-/// Default preset, with a note where it rests on a guess that no other note states.
+/// Returns the default transfer-function preset of a volume. A note is added if the choice is a guess that no other
+/// note states.
 pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
     let meaning = Meaning::of(volume, units);
     let name = default_of(&meaning);
@@ -280,7 +283,7 @@ mod tests {
     use glam::DAffine3;
     use ndarray::array;
 
-    /// Two voxels, `mm` apart.
+    /// Test volume of two voxels that are `mm` apart.
     fn volume_of(lo: f64, hi: f64, mm: f64) -> Volume {
         let provenance = Provenance::new("test", "phantom", "float64");
         let voxels = Voxels::F64(array![[[lo, hi]]]);
@@ -374,7 +377,7 @@ mod tests {
         let (file, preset) = (read(&volume(3.0, 50.0)), resolve("engine", &volume(3.0, 50.0)).unwrap());
         assert_eq!(file.tf, preset.tf);
         assert_eq!(file.notes.len(), 1);
-        // What a preset became for one volume and was written is not laid over another's range again.
+        // A preset that was adapted to one volume and written is not scaled to another volume's range.
         preset.tf.write(&path).unwrap();
         assert_eq!(read(&volume(0.0, 1000.0)).tf, preset.tf);
     }

@@ -1,4 +1,4 @@
-//! Provenance of results: the scene that a table's folder records, and the texts that a picture carries.
+//! Provenance of results: the scene that a results folder records, and the text entries of a picture file.
 
 use super::presets::{self, PRESETS};
 use super::{Loaded, SceneSettings};
@@ -9,18 +9,19 @@ use crate::measure::job::file_name_part;
 use crate::report::run::SceneRecord;
 use std::path::Path;
 
-/// A scene with its record.
+/// Scene with its record for a folder of results.
 pub struct RecordedScene {
-    /// Given settings.
+    /// Scene settings as the user gave them.
     pub settings: SceneSettings,
-    /// Record in the folder, without defaults.
+    /// Record of the scene in the results folder; all defaults are written out.
     pub record: SceneRecord,
     /// Text of the transfer function's file; `None` for a preset.
     pub tf_text: Option<String>,
 }
 
 impl RecordedScene {
-    /// Records settings and what they have loaded; `several`: the folder holds other scenes.
+    /// Records the settings of a scene and its loaded data. `several` says that the results folder holds other
+    /// scenes, too.
     ///
     /// # Errors
     /// The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
@@ -54,7 +55,7 @@ impl RecordedScene {
     }
 }
 
-/// Text of the transfer function's file; `None` for a preset.
+/// Returns the text of the transfer function's file; `None` for a preset.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -63,7 +64,8 @@ pub fn function_text(loaded: &Loaded) -> Result<Option<String>> {
     if is_preset { Ok(None) } else { presets::own_text(Path::new(&loaded.tf_source)).map(Some) }
 }
 
-/// Keys and texts that a single picture carries: program, adapter, and the scene file that draws it again.
+/// Keys and texts stored in a picture file: program version, graphics adapter, and the scene file that draws the
+/// picture again.
 ///
 /// # Errors
 /// See [`SceneSettings::to_toml`].

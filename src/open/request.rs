@@ -1,4 +1,4 @@
-//! Everything that a command line or a scene file can say: scene settings, and flags about the run.
+//! Settings of a command line or a scene file: the scene, and flags about the run.
 
 use super::SceneSettings;
 use super::layer::{Layer, layer};
@@ -9,14 +9,14 @@ use std::ops::Not;
 use std::path::PathBuf;
 
 layer! {
-/// Flags about the run: the adapter and the output.
+/// Command-line flags about the run: the graphics adapter and the output.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct RunFlags {
-    /// Print the plan: which work runs, which is skipped, and why
+    /// Print the render plan: which work runs, which is skipped, and why
     #[arg(long)]
     #[serde(skip_serializing_if = "Not::not")]
     pub explain: bool,
-    /// Print the result as JSON
+    /// Print the command's results as JSON
     #[arg(long)]
     #[serde(skip_serializing_if = "Not::not")]
     pub json: bool,
@@ -27,24 +27,24 @@ pub struct RunFlags {
 }
 
 layer! {
-/// Everything that a scene file can say: a scene, and flags about the run.
+/// All settings that a scene file can hold: a scene, and flags about the run.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct SceneRequest {
     /// Settings of the scene.
     #[command(flatten)]
     #[serde(flatten)]
     pub settings: SceneSettings,
-    /// Flags about the run.
+    /// Command-line flags about the run, such as the graphics adapter.
     #[command(flatten)]
     #[serde(flatten)]
     pub run: RunFlags,
 }
 }
 
-/// Flags that all commands share, and scene files below them.
+/// Command-line flags that all commands share, and the scene files below them.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
-    /// Flags that are also keys of scene files.
+    /// Command-line flags that are also keys of scene files.
     #[command(flatten)]
     pub request: SceneRequest,
     /// TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
@@ -54,7 +54,7 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// The flags over the scene file, if any.
+    /// Combines the command-line flags with the scene file, if one is given; flags win.
     ///
     /// # Errors
     /// The scene file cannot be read, or there is more than one.
@@ -65,7 +65,8 @@ impl SceneArgs {
         Ok(self.into_requests()?.swap_remove(0))
     }
 
-    /// The flags over each scene file, in their order; the flags alone where there is none.
+    /// Combines the command-line flags with each scene file in turn; flags win. Without scene files it returns the
+    /// flags alone.
     ///
     /// # Errors
     /// A scene file cannot be read.

@@ -1,4 +1,4 @@
-//! Scene files: [`SceneRequest`] as TOML. The value of a key is parsed as that of the flag of this name.
+//! Scene files: [`SceneRequest`] as TOML. The value of a key is parsed like that of the flag with the same name.
 
 use super::layer::Layer;
 use super::presets::PRESETS;
@@ -13,7 +13,7 @@ use toml::{Table, Value};
 const WHAT: &str = "cannot read scene file";
 
 impl SceneRequest {
-    /// Reads a scene file. Relative paths belong to files beside it, or else to files of the working folder.
+    /// Reads a scene file (TOML). A relative path means a file beside the scene file, or else in the working folder.
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, or has an unknown key or a value out of range.
@@ -34,7 +34,7 @@ impl SceneRequest {
         Ok(request)
     }
 
-    /// Parses the text of a scene file.
+    /// Parses the text of a scene file (TOML).
     ///
     /// # Errors
     /// See [`Self::read`]; the place is a line or a key.
@@ -46,7 +46,7 @@ impl SceneRequest {
         Self::from_table(&table)
     }
 
-    /// Reads the keys of a scene file.
+    /// Reads the keys of a parsed scene file.
     ///
     /// # Errors
     /// An unknown key, or a value out of range; the place is the key.
@@ -64,7 +64,7 @@ impl SceneRequest {
         })
     }
 
-    /// Parses the value of a key by the flag of that name.
+    /// Parses the value of a scene file's key with the flag of that name.
     fn from_key(key: &str, value: &Value) -> Result<Self, String> {
         let command = Self::augment_args(clap::Command::new("scene")).no_binary_name(true);
         let arg = command.get_arguments().find(|arg| arg.get_id() == key).ok_or("unknown key")?;
@@ -90,7 +90,7 @@ impl SceneRequest {
         })
     }
 
-    /// Every key, with the help of its flag.
+    /// Returns every key of scene files, with the help text of its flag.
     pub fn keys() -> Vec<(String, String)> {
         let command = Self::augment_args(clap::Command::new("scene"));
         let help = |a: &clap::Arg| a.get_help().map_or_else(String::new, ToString::to_string);
@@ -99,7 +99,7 @@ impl SceneRequest {
 }
 
 impl SceneSettings {
-    /// Text of a scene file with these settings.
+    /// Writes these settings as the text of a scene file (TOML).
     ///
     /// # Errors
     /// A whole number that TOML cannot hold.
@@ -108,7 +108,7 @@ impl SceneSettings {
     }
 }
 
-/// Text of a value on the command line.
+/// Converts a TOML value to the text that its command-line flag takes.
 fn flag_text(value: &Value) -> Result<String, String> {
     match value {
         Value::String(text) => Ok(text.clone()),
@@ -121,7 +121,7 @@ fn flag_text(value: &Value) -> Result<String, String> {
     }
 }
 
-/// Reason of an error of clap, in one line.
+/// Returns the reason of a command-line error of clap, in one line.
 pub fn flag_error(e: &clap::Error) -> String {
     let message = e.to_string();
     let reason = message.split("\n\n").next().unwrap_or_default();
@@ -144,7 +144,7 @@ mod tests {
         toml::to_string(request).unwrap()
     }
 
-    /// Values of flags, those that few flags accept first.
+    /// Example values of flags; values that only few flags accept come first.
     const TEXTS: &[&str] = &[
         "2x2x2:u8",
         "auto",
@@ -186,7 +186,7 @@ mod tests {
         "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
     ];
 
-    /// Two different values of every setting, as `--key=value`, and its key.
+    /// Returns every setting's key with two different values, parsed from `--key=value`.
     fn two_of_each() -> Vec<(String, [SceneRequest; 2])> {
         let command = CommandLine::command();
         let keys =
@@ -222,7 +222,7 @@ mod tests {
             assert_ne!(one, other, "{key}");
             assert_eq!(one.over(&SceneRequest::default()), *one);
             assert_eq!(SceneRequest::default().over(one), *one);
-            // A switch that is not given wins over nothing.
+            // A switch that is not given overrides nothing.
             let winner = if to_toml(other).is_empty() { one } else { other };
             assert_eq!(other.over(one), *winner, "{key}");
         }
@@ -275,7 +275,7 @@ mod tests {
         std::fs::write(dir.path().join("bone"), "").unwrap();
         std::fs::write(&scene, "tf = 'bone'").unwrap();
         assert_eq!(SceneRequest::read(&scene).unwrap().settings.tf.unwrap(), "bone");
-        // Of meshes and strands each by itself.
+        // Paths of meshes and of strands are resolved one by one.
         let things = "['here.stl,color=#ff0000', 'elsewhere.stl', 'phantom:hair-fur']";
         std::fs::write(&scene, format!("mesh = {things}\nstrands = {things}")).unwrap();
         std::fs::write(dir.path().join("here.stl"), "").unwrap();

@@ -1,4 +1,4 @@
-//! Description of a scene. Command line, scene file and window are views of [`SceneSettings`].
+//! Settings of a scene ([`SceneSettings`]), shared by command line, scene files and window.
 
 use super::layer::{Layer, layer};
 use super::masking::MaskFlags;
@@ -16,23 +16,24 @@ use clap::Args;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
 
-/// Default volume.
+/// Default volume, a built-in one.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
 
 layer! {
-/// Settings of a scene; `None` is the default. A field is a flag, whose help is its doc comment, and a key of scene files.
+/// Settings of a scene; `None` means the default. Each field is a command-line flag, whose help is its doc comment,
+/// and a key of scene files.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct SceneSettings {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
-    /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk,
+    /// .vtk, .vtp, .obj) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
-    /// Flags of reading the volume.
+    /// Command-line flags for reading the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
-    /// Flags that mask parts of the volume.
+    /// Command-line flags that mask parts of the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub masking: MaskFlags,
@@ -43,21 +44,22 @@ pub struct SceneSettings {
     /// Name of the scene in tables [default: the scene file's name, or volume and transfer function]
     #[arg(long, value_name = "TEXT", help_heading = "Scene")]
     pub name: Option<String>,
-    /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
+    /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for
+    /// strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
     pub tf: Option<String>,
     /// Factor of the transfer function's extinction [default: 1; by the volume's size for presets]
     #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::within(1e-6..=1e6), allow_hyphen_values = true, help_heading = "Scene")]
     pub opacity_scale: Option<f64>,
-    /// Interpret values as HU or as fractions of their range, which decides how presets are scaled [default: as the file
-    /// or the values suggest]
+    /// Interpret values as HU or as fractions of their range, which decides how presets are scaled [default: as the
+    /// file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene")]
     pub units: Option<Units>,
     /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
     #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
     #[serde(serialize_with = "display", skip_serializing_if = "Option::is_none")]
     pub shadow: Option<MethodSpec>,
-    /// Picture size, pixels [default: 512x512]
+    /// Picture size in pixels [default: 512x512]
     #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
     pub size: Option<Size>,
     /// Position of the camera, world mm [default: frames the visible part of the volume, and opaque objects]
@@ -69,7 +71,7 @@ pub struct SceneSettings {
     /// Up direction of the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<DVec3>,
-    /// Side to look from: A, P, L, R, S or I [default: front, a little from the side and above]
+    /// Side from which the camera looks: A, P, L, R, S or I [default: front, a little from the side and above]
     #[arg(long, value_name = "SIDE", value_parser = values::view, help_heading = "Scene")]
     pub view: Option<AxisView>,
     /// Zoom factor: narrows the field of view [default: 1]
@@ -78,12 +80,12 @@ pub struct SceneSettings {
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::within(0.001..=179.9), allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
-    /// Light, may be given several times: dir:x,y,z towards a light at infinity, or point:x,y,z in world mm, followed by
-    /// ,color=#rrggbb (sRGB, white) and ,intensity=F (1) [default: dir:0.5,0.5,0.7071]
+    /// Light, may be given several times: dir:x,y,z towards a light at infinity, or point:x,y,z in world mm, followed
+    /// by ,color=#rrggbb (sRGB; default: white) and ,intensity=F (default: 1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
-    /// Opaque objects in the volume.
+    /// Command-line flags for opaque objects in the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub opaque: OpaqueFlags,
@@ -108,7 +110,7 @@ pub struct SceneSettings {
 }
 }
 
-/// Long help of `--tf`, with the presets.
+/// Long help text of `--tf`, which lists the transfer-function presets.
 fn tf_help() -> String {
     let mut help = String::from(
         "Transfer function: a preset, or the path of a file: this program's .json, ParaView's .json, 3D Slicer's .vp and \
@@ -126,7 +128,7 @@ fn tf_help() -> String {
     help
 }
 
-/// Long help of `--shadow`, with the methods, their keys and every default.
+/// Long help text of `--shadow`, which lists the shadow methods with their settings and defaults.
 fn shadow_help() -> String {
     let mut help =
         String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
@@ -143,7 +145,7 @@ fn display<S: Serializer>(spec: &Option<MethodSpec>, serializer: S) -> std::resu
     spec.as_ref().map(ToString::to_string).serialize(serializer)
 }
 
-/// Serializes a single light as a string, and several as a list.
+/// Serializes a single light of a scene as a string, and several lights as a list.
 fn one_or_list<S: Serializer>(
     lights: &Option<Vec<LightSource>>,
     serializer: S,
@@ -155,12 +157,12 @@ fn one_or_list<S: Serializer>(
 }
 
 impl SceneSettings {
-    /// Default settings of a volume.
+    /// Creates default scene settings for a volume.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
         Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
     }
 
-    /// Volume, and how to read it.
+    /// Returns the specification of the scene's volume: its source, and the flags for reading it.
     pub fn spec(&self) -> VolumeSpec {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
@@ -168,12 +170,12 @@ impl SceneSettings {
         }
     }
 
-    /// Specification of the shadow method.
+    /// Specification of the scene's shadow method: its name and settings.
     pub fn method_spec(&self) -> MethodSpec {
         self.shadow.clone().unwrap_or_default()
     }
 
-    /// Shadow method.
+    /// Creates the scene's shadow method.
     ///
     /// # Errors
     /// Settings that do not fit the method.
@@ -181,38 +183,40 @@ impl SceneSettings {
         self.method_spec().method()
     }
 
-    /// Units and opacity scale.
+    /// Requested units and extinction factor of the scene's transfer function.
     pub fn suiting(&self) -> Suiting {
         Suiting { units: self.units, opacity_scale: self.opacity_scale }
     }
 
-    /// Optimizations that the user disables.
+    /// Optimizations that the user disables with `--no-skip`.
     pub fn disabled_optimizations(&self) -> DisabledOptimizations {
         self.no_skip.unwrap_or_default()
     }
 
-    /// Whether the background of picture files is transparent.
+    /// Whether picture files of the scene have a transparent background.
     pub fn is_transparent(&self) -> bool {
         self.background == Some(Background::None)
     }
 
-    /// Settings without defaults, for a file that stays valid when defaults change: the given ones, and those of `scene`.
+    /// Returns the scene's settings with all defaults written out, for a file that stays valid when defaults change.
+    /// Given settings win over those of `scene`.
     #[must_use]
     pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Self {
         let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self);
         all.tf = Some(tf.to_owned());
-        // With functions of labels it would scale all of them.
+        // With label functions, a fixed factor would scale all of them.
         let of_all = self.masking.label_tf.is_none();
         let opacity_scale = if of_all { suiting.opacity_scale } else { self.opacity_scale };
         (all.units, all.opacity_scale) = (suiting.units, opacity_scale);
-        // Eye, target, up and field of view include them.
+        // Eye, target, up and field of view already include view and zoom.
         (all.view, all.zoom) = (None, None);
-        // A table lists its methods itself.
+        // A comparison table lists its shadow methods itself.
         all.shadow = None;
         all
     }
 
-    /// Scene with a camera that frames the visible bounds, without opaque objects ([`Self::load`] reads them).
+    /// Creates a scene whose camera frames the visible bounds of the volume. It has no opaque objects; [`Self::load`]
+    /// reads them.
     ///
     /// # Errors
     /// Too many lights, or a camera without direction: eye at the target, or up along the view.
@@ -238,7 +242,8 @@ impl SceneSettings {
         })
     }
 
-    /// Settings that describe a volume and a scene: the inverse of [`Self::spec`] and [`Self::scene`].
+    /// Returns the settings that describe a volume and a scene; it is the inverse of [`Self::spec`] and
+    /// [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
         let Scene { camera, ambient, shading, background, step, skip, width, height, .. } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
@@ -260,12 +265,12 @@ impl SceneSettings {
         }
     }
 
-    /// Refuses more lights than can be drawn.
+    /// Returns an error if the scene has more lights than the renderer supports.
     pub(super) fn check_lights(&self) -> Result<()> {
         self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))
     }
 
-    /// Refuses several lights, for a command about a single one.
+    /// Returns an error if the scene has several lights, for a command that supports only one.
     ///
     /// # Errors
     /// There is more than one.

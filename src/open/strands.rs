@@ -1,4 +1,4 @@
-//! Flags of strands, and loading of strands.
+//! Command-line flags for strands, and loading of strands.
 
 use super::layer::layer;
 use super::values;
@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::path::Path;
 
 layer! {
-/// Flags of voxelising strands; absent ones are `None`.
+/// Command-line flags for voxelising strands; a flag that is not given is `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct StrandFlags {
     /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
@@ -21,24 +21,24 @@ pub struct StrandFlags {
     /// Kernel that distributes the length of strands over voxels [default: box]
     #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands")]
     pub kernel: Option<Kernel>,
-    /// Diameter of every strand, mm; wins over the file's, and is needed where it has none [default: the file's]
+    /// Diameter of every strand, mm; wins over the file's, and is needed if the file has none [default: the file's]
     #[arg(long, value_name = "MM", value_parser = values::thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
     pub thickness: Option<f64>,
 }
 }
 
 impl StrandFlags {
-    /// Voxelises strands.
+    /// Voxelises strands with the resolution and kernel of these flags.
     ///
     /// # Errors
-    /// See [`StrandVolume::of_with`].
+    /// See [`StrandVolume::of`].
     pub fn voxelise(&self, strands: &Strands, loading: &Loading) -> Result<StrandVolume> {
         let resolution = self.resolution.unwrap_or(DEFAULT_RESOLUTION);
         StrandVolume::of(strands, resolution, self.kernel.unwrap_or_default(), loading)
     }
 }
 
-/// Whether VOLUME names strands: a file of one of their formats, or `phantom:hair-...`.
+/// Whether the source of a volume is strands: a strand file, or `phantom:hair-...`.
 pub fn is_strand_source(source: &str) -> bool {
     match source.strip_prefix("phantom:") {
         Some(name) => name.starts_with("hair-"),
@@ -46,13 +46,13 @@ pub fn is_strand_source(source: &str) -> bool {
     }
 }
 
-/// Whether VOLUME is a file of strands whose format has no thickness, so that a diameter is needed.
+/// Whether the source of a volume is a strand file whose format stores no thickness, so that `--thickness` is needed.
 pub fn lacks_thickness(source: &str) -> bool {
     let format = || StrandFormat::of_file(Path::new(source));
     !source.starts_with("phantom:") && format().is_some_and(|format| !format.has_thickness)
 }
 
-/// Reads a file of strands, or builds `phantom:hair-NAME[:SEGMENTS]`, with the given diameter.
+/// Reads a strand file, or builds `phantom:hair-NAME[:SEGMENTS]`. A given diameter (mm) replaces those of the file.
 ///
 /// # Errors
 /// The file cannot be read, the name is unknown, or nothing says how thick the strands are.

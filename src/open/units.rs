@@ -1,4 +1,4 @@
-//! Interpretation of a volume's values: Hounsfield units or not, with the reason.
+//! Interprets a volume's values: Hounsfield units or not, with the reason.
 //!
 //! The file's metadata come first, then the distribution of the values. The stored type says nothing.
 
@@ -7,7 +7,7 @@ use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use serde::Serialize;
 
-/// Interpretation of values, as in `--units`.
+/// Interpretation of a volume's values that the user can request with `--units`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -16,22 +16,22 @@ pub enum Units {
     Fraction,
 }
 
-/// Kind of a volume's values.
+/// Kind of a volume's values: Hounsfield units, extinction, or anything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum ValueKind {
-    /// Hounsfield units.
+    /// Values of the volume are Hounsfield units.
     #[serde(rename = "HU")]
     Hounsfield,
-    /// Extinction in 1/mm, of strands.
+    /// Values of the volume are extinction in 1/mm, as made from strands.
     #[serde(rename = "1/mm")]
     Extinction,
-    /// Anything else: only the position in the volume's range has a meaning.
+    /// Values of the volume have an unknown unit; only their position in the volume's value range has a meaning.
     #[serde(rename = "fraction")]
     Other,
 }
 
 impl ValueKind {
-    /// Name for people.
+    /// Name of the kind of values in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hounsfield => "HU",
@@ -41,39 +41,41 @@ impl ValueKind {
     }
 }
 
-/// Interpretation of a volume's values, with the reason.
+/// Interpretation of a volume's values, with the reason for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Meaning {
-    /// Kind of values.
+    /// Kind of the volume's values.
     pub kind: ValueKind,
-    /// Reason, in a few words.
+    /// Reason for the interpretation of the volume's values, in a few words.
     pub why: String,
-    /// Whether it was guessed from the values alone.
+    /// Whether the interpretation was guessed from the volume's values alone.
     pub is_guess: bool,
-    /// Whether some values are below all tissue but lung.
+    /// Whether the volume has values of air: below -500, less than any tissue except lung.
     pub has_air: bool,
 }
 
-/// HU of air, and the width of the interval of air around it.
+/// HU of air, and half the width of the interval around it that counts as air.
 const AIR_HU: f64 = -1000.0;
 const AIR_WIDTH: f64 = 100.0;
-/// Smallest share of air among the voxels, and smallest ratio of its density to that of all values.
+/// Smallest share of air among a volume's voxels for values to be HU, and smallest ratio of the histogram's density
+/// at air to its mean density.
 const AIR_SHARE: f64 = 0.01;
 const AIR_DENSITY: f64 = 3.0;
-/// HU below which there is air; no tissue but lung has lower values.
+/// HU below which a voxel is air; no tissue except lung has lower values.
 const AIR_BELOW_HU: f64 = -500.0;
-/// Widest range of 8-bit or normalised data that is not HU.
+/// Width of the value range up to which values are not taken as HU but as 8-bit or normalised data.
 const MIN_HU_WIDTH: f64 = 300.0;
-/// Limits of HU: 16 bits of a scanner.
+/// Range of possible HU: the 16-bit values of a scanner.
 const PLAUSIBLE_HU: [f64; 2] = [-32768.0, 32767.0];
-/// Lowest padding value of scanners.
+/// Lowest value, HU, that scanners use for padding outside the scanned region.
 const PADDING_HU: f64 = -3100.0;
-/// HU of water, fat, muscle and blood, and the smallest share of their voxels in a cropped scan without air around the body.
+/// Range of HU of water, fat, muscle and blood, and the smallest share of such voxels that identifies a cropped scan
+/// without air around the body.
 const SOFT_HU: [f64; 2] = [-150.0, 250.0];
 const SOFT_SHARE: f64 = 0.3;
-/// Limits of a window of HU to which a file scales its 8 bits.
+/// Limits, HU, of the window to which a CT file may scale 8-bit values.
 const WINDOW_HU: [f64; 2] = [-1100.0, 4100.0];
-/// Largest number of voxels that are examined.
+/// Largest number of voxels that are examined to guess the units of a volume's values.
 const MOST_LOOKED_AT: usize = 1 << 20;
 
 /// Whether a volume was made from strands, so that its values are extinction in 1/mm.
@@ -82,7 +84,7 @@ pub fn of_strands(volume: &Volume) -> bool {
 }
 
 impl Meaning {
-    /// Interprets a volume's values; `requested` wins.
+    /// Interprets a volume's values; units that the user requests win.
     pub fn of(volume: &Volume, requested: Option<Units>) -> Self {
         let [low, high] = volume.value_range();
         let has_air = low < AIR_BELOW_HU;
@@ -129,12 +131,13 @@ impl Meaning {
         Self { kind, why, is_guess: true, has_air }
     }
 
-    /// Whether the values are HU.
+    /// Whether the volume's values are Hounsfield units.
     pub fn is_hounsfield(&self) -> bool {
         self.kind == ValueKind::Hounsfield
     }
 
-    /// One line: kind and reason, with the flag that overrides a guess.
+    /// Describes the kind of the volume's values and the reason in one line; for a guess it adds the flag that
+    /// overrides it.
     pub fn text(&self) -> String {
         let other = if self.is_hounsfield() { "fraction" } else { "hu" };
         let way = if self.is_guess { format!("; --units {other} says otherwise") } else { String::new() };
@@ -142,21 +145,21 @@ impl Meaning {
     }
 }
 
-/// Shares of the examined voxels.
+/// Shares of air and of soft tissue among the examined voxels of a volume.
 struct ValueSummary {
     air: f64,
     soft: f64,
 }
 
 impl ValueSummary {
-    /// Examines voxels evenly spread over the volume.
+    /// Examines voxels that are evenly spread over the volume.
     fn of(volume: &Volume) -> Self {
         let scaling = volume.scaling();
         let [mut air, mut soft] = [0usize; 2];
         let looked_at = with_voxels!(volume.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
             let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
-            // One of each group, at varying positions: a constant stride could follow the rows.
+            // One voxel of each group, at varying positions: a constant stride could follow the rows.
             let picked = values.chunks(stride).enumerate().map(|(i, group)| group[i.wrapping_mul(7919) % group.len()]);
             let mut count = 0usize;
             for value in picked.map(|v| scaling.apply(v.to_f64())) {
@@ -172,7 +175,7 @@ impl ValueSummary {
     }
 }
 
-/// Share of the interval of air that lies within the range of values.
+/// Share of the interval of HU around air that lies within the volume's value range.
 fn near_air(low: f64, high: f64) -> f64 {
     let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
     ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
@@ -185,7 +188,7 @@ mod tests {
     use glam::DAffine3;
     use ndarray::Array3;
 
-    /// A volume of 20 x 20 x 20 voxels by a share in `[0, 1)` that runs through all of them.
+    /// Test volume of 20 x 20 x 20 voxels; `value` gets each voxel's position as a fraction in `[0, 1)`.
     fn volume(value: impl Fn(f64) -> f64) -> Volume {
         let values =
             Array3::from_shape_fn((20, 20, 20), |(k, j, i)| value(((k * 20 + j) * 20 + i) as f64 / 8000.0));
@@ -204,14 +207,15 @@ mod tests {
     #[test]
     fn air_is_what_tells_hounsfield_units() {
         let noise = |s: f64| 30.0 * (s * 7919.0).fract();
-        // Air, tissue, bone; the same padded with -2000; a body without air around it.
+        // Air, tissue and bone; such a scan padded with -2000; a body without air around it.
         let scan = |s: f64| if s < 0.4 { -1010.0 + noise(s) } else { 3000.0 * (s - 0.4).powi(2) };
         assert_eq!(kind(&volume(scan)), ValueKind::Hounsfield);
         assert_eq!(kind(&volume(|s| if s < 0.1 { -2000.0 } else { scan(s) })), ValueKind::Hounsfield);
         let inside =
             |s: f64| if s < 0.005 { -900.0 } else { -120.0 + 320.0 * s + if s > 0.95 { 900.0 } else { 0.0 } };
         assert_eq!(kind(&volume(inside)), ValueKind::Hounsfield);
-        // Of 16 bits, and no HU: fMRI, a micro-CT, 12 bits from 0, the phase of an MR image, evenly spread numbers.
+        // 16-bit data that are not HU: fMRI, a micro-CT, 12 bits from 0, the phase of an MR image, evenly spread
+        // numbers.
         let others: [&dyn Fn(f64) -> f64; 6] = [
             &|s| 762.0 + 4776.0 * s * s,
             &|s| 25_500.0 * s,

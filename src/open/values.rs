@@ -1,4 +1,4 @@
-//! Parsers of flag values; an error is the reason, in one line.
+//! Parsers of the values of command-line flags. An error is the reason, in one line.
 
 use crate::files::color;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
@@ -7,24 +7,24 @@ use glam::DVec3;
 use serde::{Serialize, Serializer};
 use std::ops::RangeInclusive;
 
-/// Limit of coordinates, mm: squares of larger ones lose all precision in float32.
+/// Largest coordinate that flags accept, mm: squares of larger ones lose all precision in float32.
 const MAX_COORDINATE: f64 = 1e9;
 
-/// Shortest vector that can be normalised.
+/// Length of the shortest direction vector that flags accept.
 const MIN_DIRECTION: f64 = 1e-9;
 
-/// Rounding error of a normalised vector's squared length.
+/// Deviation of a vector's squared length from 1 up to which it counts as normalised.
 const ROUNDING: f64 = 1e-14;
 
-/// Largest picture side: the common limit of 2-D textures.
+/// Largest width and height of a picture, pixels; a common limit of 2-D textures.
 const MAX_PICTURE_SIDE: u32 = 16_384;
 
 /// Width and height of a picture, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
-    /// Pixels across.
+    /// Width of the picture, pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height of the picture, pixels.
     pub height: u32,
 }
 
@@ -34,12 +34,12 @@ impl Serialize for Size {
     }
 }
 
-/// Background of pictures.
+/// Background of rendered pictures: a colour, or transparent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
-    /// Linear RGB.
+    /// Background colour, linear RGB.
     Color([f64; 3]),
-    /// Black, and transparent in picture files.
+    /// Black background, which is transparent in picture files.
     None,
 }
 
@@ -52,7 +52,7 @@ impl Serialize for Background {
     }
 }
 
-/// `WxH`, each 1 to 16384.
+/// Parses a picture size `WxH`, each from 1 to 16384 pixels.
 pub fn size(text: &str) -> Result<Size, String> {
     let side = |s: &str| s.parse().ok().filter(|n| (1..=MAX_PICTURE_SIDE).contains(n));
     match text.split_once(['x', 'X']).map(|(w, h)| (side(w), side(h))) {
@@ -61,7 +61,7 @@ pub fn size(text: &str) -> Result<Size, String> {
     }
 }
 
-/// A SHA-256 sum in hexadecimal.
+/// Parses a SHA-256 checksum of 64 hexadecimal digits.
 pub fn sha256(text: &str) -> Result<String, String> {
     match text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit()) {
         true => Ok(text.to_ascii_lowercase()),
@@ -77,7 +77,7 @@ fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parser of a number in a range.
+/// Returns a parser of numbers within a range.
 pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     move |text| match number(text)? {
         x if range.contains(&x) => Ok(x),
@@ -93,7 +93,7 @@ fn vector(text: &str) -> Result<DVec3, String> {
     Ok(DVec3::new(number(x)?, number(y)?, number(z)?))
 }
 
-/// A point `x,y,z` in world mm.
+/// Parses a point `x,y,z` in world mm.
 pub fn point(text: &str) -> Result<DVec3, String> {
     let v = vector(text)?;
     if v.abs().max_element() > MAX_COORDINATE {
@@ -102,7 +102,7 @@ pub fn point(text: &str) -> Result<DVec3, String> {
     Ok(v)
 }
 
-/// A direction `x,y,z`, normalised. A normalised one stays the same to the last bit.
+/// Parses a direction `x,y,z` and normalises it. A vector of unit length stays unchanged to the last bit.
 pub fn direction(text: &str) -> Result<DVec3, String> {
     let v = point(text)?;
     if v.length() < MIN_DIRECTION {
@@ -111,7 +111,8 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// `dir:x,y,z` or `point:x,y,z`, and behind it `,color=#rrggbb` (sRGB) and `,intensity=F`, each once at most.
+/// Parses a light: `dir:x,y,z` or `point:x,y,z`, then optionally `,color=#rrggbb` (sRGB) and `,intensity=F`, each at
+/// most once.
 pub fn light(text: &str) -> Result<LightSource, String> {
     let (place, [color, intensity]) = with_keys(text, ["color", "intensity"])?;
     if let Some((item, _)) = place.split_once('=') {
@@ -127,13 +128,13 @@ pub fn light(text: &str) -> Result<LightSource, String> {
     Ok(LightSource { light, color, intensity: intensity.map_or(Ok(white.intensity), light_intensity)? })
 }
 
-/// Splits a text from the keys behind it, each `,KEY=VALUE`.
+/// Splits a flag's text into a name and the values of the known keys after it, each `,KEY=VALUE`.
 pub(super) fn with_keys<'a, const N: usize>(
     text: &'a str,
     keys: [&str; N],
 ) -> Result<(&'a str, [Option<&'a str>; N]), String> {
     let (mut name, mut values) = (text, [None; N]);
-    // From the end, since a name may have commas.
+    // Read from the end, since a name may have commas.
     while let Some((before, item)) = name.rsplit_once(',') {
         let known = item.split_once('=').and_then(|(key, value)| {
             Some((keys.iter().position(|known| *known == key.trim())?, value.trim()))
@@ -154,13 +155,13 @@ pub(super) fn with_keys<'a, const N: usize>(
 /// Largest intensity of a light: sums of larger ones lose dim lights in float32.
 pub const MOST_INTENSITY: f64 = 1e6;
 
-/// An intensity, 0 or more.
+/// Parses the intensity of a light, 0 or more.
 fn light_intensity(text: &str) -> Result<f64, String> {
     // Negative zero becomes zero.
     within(0.0..=MOST_INTENSITY)(text).map(|x| x + 0.0).map_err(|why| format!("intensity: {why}"))
 }
 
-/// `#rrggbb`, or `none`.
+/// Parses a background colour: `#rrggbb`, or `none`.
 pub fn background(text: &str) -> Result<Background, String> {
     match text {
         "none" => Ok(Background::None),
@@ -168,7 +169,7 @@ pub fn background(text: &str) -> Result<Background, String> {
     }
 }
 
-/// Voxel spacing `x,y,z` of a raw file, mm.
+/// Parses the voxel spacing `x,y,z` of a volume, mm; each must be above 0.
 pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
     let v = point(text)?;
     if v.min_element() <= 0.0 {
@@ -177,13 +178,13 @@ pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
     Ok(v.to_array())
 }
 
-/// A side to look from, by letter or name.
+/// Parses a side from which the camera looks, by its letter (A, P, L, R, S, I) or its name.
 pub fn view(text: &str) -> Result<AxisView, String> {
     let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
     AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
 }
 
-/// Number of voxels along the longest side of a grid for strands.
+/// Parses the number of voxels along the longest side of a strand grid.
 pub fn resolution(text: &str) -> Result<usize, String> {
     let known = RESOLUTIONS;
     text.parse()
@@ -192,7 +193,7 @@ pub fn resolution(text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("expected a whole number from {} to {}", known.start(), known.end()))
 }
 
-/// Diameter of a strand, mm.
+/// Parses the diameter of a strand, mm.
 pub fn thickness_mm(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()

@@ -1,4 +1,4 @@
-//! Camera of a scene: the given placement, and framing of the visible bounds for the rest.
+//! Camera of a scene: uses the given position and target, and frames the visible part of the volume otherwise.
 
 use super::SceneSettings;
 use super::values::Size;
@@ -7,14 +7,15 @@ use crate::render::VisibleBounds;
 use crate::scene::Camera;
 use glam::DVec3;
 
-/// Default direction from the target to the camera: in front, a little to the side and above (RAS+: +y is anterior).
+/// Default direction from the camera's target to the eye: in front, a little to the side and above (RAS+: +y is
+/// anterior).
 const AWAY: DVec3 = DVec3::new(0.5, 0.8, 0.35);
 
-/// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
+/// Sine of the angle between the view and up directions below which they count as parallel in 32-bit arithmetic.
 const MIN_SINE: f64 = 1e-5;
 
 impl SceneSettings {
-    /// Camera for a picture of this size.
+    /// Computes the camera of a scene for a picture of this size.
     ///
     /// # Errors
     /// A camera without direction, or with two positions.
@@ -39,10 +40,10 @@ impl SceneSettings {
                 (target, target + framed.eye - framed.target)
             }
         };
-        // Zooming keeps the eye, so that the camera enters nothing.
+        // Zooming does not move the eye, so that the camera cannot enter the volume.
         let fov_deg = self.zoom.map_or(fov_deg, |zoom| 2.0 * (half / zoom).atan().to_degrees());
         let view = target - eye;
-        // Closer, the direction is lost in the rounding of float32 positions.
+        // If the eye is closer, rounding of float32 positions loses the direction.
         if view.length() <= 1e-6 * eye.abs().max_element().max(1.0) {
             return Err(Error::input("bad camera", "--eye, --target", "the eye is at the target"));
         }

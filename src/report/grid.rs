@@ -12,35 +12,35 @@ use ndarray::{Array2, Array3};
 /// Largest height of the figure that shows all pictures of a scene, points. It is lower if the pictures need less
 /// height at full width.
 const MOST_HEIGHT: f64 = 650.0;
-/// Smallest width of a picture in the figure of all pictures, points, so that its settings stay readable.
+/// Smallest width of a picture in the picture grid, points, so that its settings stay readable.
 const LEAST_CELL: f64 = 64.0;
-/// Largest width of a picture in the figure of all pictures, points.
+/// Largest width of a picture in the picture grid, points.
 const MOST_CELL: f64 = 220.0;
-/// Smallest ratio of picture width to column width in the figure of all pictures, where pictures are narrowed to
-/// limit its height.
+/// Smallest ratio of picture width to column width in the picture grid, where pictures are narrowed to limit its
+/// height.
 const MOST_NARROWED: f64 = 0.85;
 /// Ratio of height to width above which pictures may be narrower than their columns, so that the figure fits on a
 /// page.
 const UPRIGHT: f64 = 1.2;
-/// Largest height of a picture in the figure of all pictures, points.
+/// Largest height of a picture in the picture grid, points.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
-/// Gap between a picture and its difference image below it in the figure of all pictures, points.
+/// Gap between a picture and its difference image below it in the picture grid, points.
 const SEAM: f64 = 2.0;
 const NAME: f64 = 8.5;
 const TEXT: f64 = 7.0;
 const LINE: f64 = 8.6;
-/// Height of the colour bar without its labels in the figure of all pictures, points.
+/// Height of the colour bar without its labels in the picture grid, points.
 const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
-/// Smallest and largest resolution of the PNG file with the figure of all pictures, pixels per point. The largest is
-/// about 300 dpi.
+/// Smallest and largest resolution of the PNG file with the picture grid, pixels per point. The largest is about 300
+/// dpi.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
-/// Largest number of pixels of the PNG file with the figure of all pictures.
+/// Largest number of pixels of the PNG file with the picture grid.
 const MOST_PIXELS: f64 = 1e8;
 
-/// Entry of the figure of all pictures: the picture of one shadow method with its captions.
+/// Entry of the picture grid: the picture of one shadow method with its captions.
 #[derive(Debug, Clone)]
 pub struct GridCell<'a> {
     /// Name of the shadow method that drew the picture.
@@ -57,7 +57,7 @@ pub struct GridCell<'a> {
 }
 
 impl<'a> GridCell<'a> {
-    /// Creates an entry of the figure of all pictures for a row of the comparison table.
+    /// Creates an entry of the picture grid for a row of the comparison table.
     pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
         let map = row.map.map(|map| format!("map={map}"));
         let settings =
@@ -72,8 +72,7 @@ impl<'a> GridCell<'a> {
         Self { name: row.method.clone(), settings, figures, picture, difference }
     }
 
-    /// Creates an entry of the figure of all pictures for the reference picture (`rays`), where the table has no such
-    /// row.
+    /// Creates an entry of the picture grid for the reference picture (`rays`), where the table has no such row.
     pub fn reference(picture: &'a Array3<f32>) -> Self {
         let settings = vec!["(not in the table)".into()];
         Self { name: "rays".into(), settings, figures: Vec::new(), picture, difference: None }
@@ -98,8 +97,8 @@ fn wrapped(pieces: impl Iterator<Item = String>, separator: &str, width: f64) ->
     lines
 }
 
-/// Draws the figure of all pictures, `width` points wide, and returns it as PNG and as PDF. Black is zero difference,
-/// and the colour bar ends at `max`. `label` is the title of the colour bar.
+/// Draws the picture grid, `width` points wide, and returns it as PNG and as PDF. Black is zero difference, and the
+/// colour bar ends at `max`. `label` is the title of the colour bar.
 ///
 /// # Errors
 /// The figure cannot be drawn or encoded.
@@ -111,8 +110,8 @@ pub fn files(shown: &[GridCell], width: f64, max: f32, label: &str) -> Result<[V
     Ok([png, drawing.pdf()?])
 }
 
-/// Resolution of the PNG file with the figure of all pictures, pixels per point. `own` is the resolution at which
-/// each picture keeps its own pixels.
+/// Resolution of the PNG file with the picture grid, pixels per point. `own` is the resolution at which each picture
+/// keeps its own pixels.
 fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
     let [least, most] = PIXELS_PER_POINT;
     own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
@@ -121,20 +120,20 @@ fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
 /// Layout of the figure that shows the pictures of all shadow methods.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
-    /// Width of the figure of all pictures, points.
+    /// Width of the picture grid, points.
     width: f64,
     across: usize,
-    /// Width of a column in the figure of all pictures, points.
+    /// Width of a column in the picture grid, points.
     cell: f64,
-    /// Width and height of one picture in the figure of all pictures, points.
+    /// Width and height of one picture in the picture grid, points.
     picture: [f64; 2],
-    /// Number of text lines with settings above each row of pictures, in the figure of all pictures.
+    /// Number of text lines with settings above each row of pictures, in the picture grid.
     lines: Vec<usize>,
 }
 
 impl Layout {
-    /// Layout of the figure of all pictures with the widest pictures that fit on a page and leave few empty places;
-    /// otherwise a layout higher than a page.
+    /// Layout of the picture grid with the widest pictures that fit on a page and leave few empty places; otherwise a
+    /// layout higher than a page.
     fn of(shown: &[GridCell], width: f64) -> Self {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
@@ -152,8 +151,8 @@ impl Layout {
         })
     }
 
-    /// Layout of the figure of all pictures with a given number of pictures per row; `None` if it cannot fit on a
-    /// page with readable pictures.
+    /// Layout of the picture grid with a given number of pictures per row; `None` if it cannot fit on a page with
+    /// readable pictures.
     fn across(shown: &[GridCell], width: f64, across: usize) -> Option<Self> {
         let (column, shape) = (column(width, across), shape(shown));
         let upright = shape > UPRIGHT;
@@ -181,13 +180,13 @@ impl Layout {
         None
     }
 
-    /// Height of the captions above a row of pictures in the figure of all pictures, points.
+    /// Height of the captions above a row of pictures in the picture grid, points.
     fn above(&self, row: usize) -> f64 {
         NAME + 3.0 + LINE * self.lines[row] as f64
     }
 
-    /// Height of one row in the figure of all pictures, points: captions, pictures, difference images, text lines
-    /// below them, and the gap to the next row.
+    /// Height of one row in the picture grid, points: captions, pictures, difference images, text lines below them,
+    /// and the gap to the next row.
     fn row_height(&self, shown: &[GridCell], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
         self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
@@ -199,7 +198,7 @@ impl Layout {
     }
 }
 
-/// Width of a column in the figure of all pictures, points, for a number of columns on the page.
+/// Width of a column in the picture grid, points, for a number of columns on the page.
 fn column(width: f64, across: usize) -> f64 {
     ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
 }
@@ -226,7 +225,7 @@ fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     wrapped(words.split(' ').map(str::to_owned), " ", width)
 }
 
-/// Draws the figure of all pictures. Returns the drawing and the width of a picture in points.
+/// Draws the picture grid. Returns the drawing and the width of a picture in points.
 fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
     let (cell, picture) = (layout.cell, layout.picture);
@@ -252,8 +251,8 @@ fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f6
     (drawing, picture[0])
 }
 
-/// Draws one entry of the figure of all pictures: captions, picture, difference image and text lines below. `cell` is
-/// the column width, `above` the height of the captions, `wide` and `high` the size of the picture.
+/// Draws one entry of the picture grid: captions, picture, difference image and text lines below. `cell` is the
+/// column width, `above` the height of the captions, `wide` and `high` the size of the picture.
 fn put(
     drawing: &mut Drawing,
     s: &GridCell,

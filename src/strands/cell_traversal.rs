@@ -1,27 +1,27 @@
-//! Traversal of unit cells along a line segment.
+//! Traversal of a grid's unit cells along a line segment (3D DDA).
 
 /// Line segment `from + step t`, `t` in `[0, 1]`, in coordinates where cell `c` spans `[c, c + 1]`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellRay {
     pub from: [f64; 3],
     pub step: [f64; 3],
-    /// `1 / step`; infinite where the step is 0.
+    /// Reciprocal of each component of the segment's direction, `1 / step`; infinite where `step` is 0.
     per_step: [f64; 3],
 }
 
-/// Box of cells, and the domain that its outermost cells are cut to.
+/// Box of grid cells that a line segment may cross, and the grid's domain, which cuts the outermost cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellBox {
-    /// First and last cell of the whole grid along each axis, the first no lower than -1. A line within the
-    /// outermost faces belongs to these cells.
+    /// First and last cell of the whole grid along each axis; the first is not below -1. A line segment within the
+    /// outermost faces of the grid belongs to these cells.
     pub whole: [[i64; 2]; 3],
-    /// First and last cell of the box.
+    /// First and last cell of the box along each axis.
     pub part: [[i64; 2]; 3],
-    /// Ends of the grid's domain.
+    /// Lower and upper end of the grid's domain along each axis, cell coordinates.
     pub domain: [[f64; 2]; 3],
 }
 
-/// Largest integer `<= x`, for `x >= -1`; a conversion alone rounds towards 0.
+/// Returns the largest integer `<= x` for `x >= -1`. A conversion to an integer alone would round towards 0.
 #[inline]
 fn floor(x: f64) -> i64 {
     (x + 1.0) as i64 - 1
@@ -34,8 +34,8 @@ impl CellRay {
         Self { from, step, per_step: step.map(|d| 1.0 / d) }
     }
 
-    /// Parameter at which the line passes a face. It is the only expression for it, so that neighbouring cells and boxes meet
-    /// without a gap.
+    /// Returns the parameter `t` at which the line segment crosses a cell face. All code uses this one expression, so
+    /// that neighbouring cells and boxes meet without a gap.
     #[inline]
     fn at_face(&self, axis: usize, face: f64) -> f64 {
         (face - self.from[axis]) * self.per_step[axis]
@@ -43,7 +43,7 @@ impl CellRay {
 }
 
 impl CellBox {
-    /// Interval of `t` within the box, if any.
+    /// Returns the interval of the line parameter `t` inside the box of cells; `None` if the segment misses the box.
     #[inline]
     pub fn clip(&self, line: &CellRay) -> Option<[f64; 2]> {
         let (mut enter, mut exit) = (0.0f64, 1.0f64);
@@ -69,7 +69,7 @@ impl CellBox {
         (exit > enter).then_some([enter, exit])
     }
 
-    /// Calls `visit(cell, t0, t1)` for every cell of the box along the line, in order.
+    /// Calls `visit(cell, t0, t1)` for every grid cell that the line segment crosses, from its start to its end.
     #[inline]
     pub fn traverse(&self, line: &CellRay, mut visit: impl FnMut([i64; 3], f64, f64)) {
         let Some([mut at, end]) = self.clip(line) else { return };

@@ -1,36 +1,38 @@
-//! Grid into which strands are voxelised.
+//! Voxel grid around strands, into which they are voxelised.
 
 use crate::error::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::RangeInclusive;
 
-/// Default number of voxels along the longest side.
+/// Default number of voxels along the longest side of the grid that strands are voxelised into.
 pub const DEFAULT_RESOLUTION: usize = 256;
 
-/// Range of voxels along the longest side, up to 4 GiB of 32-bit floats for a cube.
+/// Allowed number of voxels along the longest side of the grid that strands are voxelised into. A cube of the largest
+/// size takes 4 GiB of 32-bit floats.
 pub const RESOLUTIONS: RangeInclusive<usize> = 4..=1024;
 
-/// Empty voxels on either side of the strands.
+/// Number of empty voxels between the strands and each face of their voxel grid.
 const MARGIN: f64 = 1.0;
 
-/// Smallest voxel as a share of the largest coordinate (or of 1 mm), by the precision of 32-bit floats.
+/// Smallest voxel spacing of a strand grid relative to the largest coordinate (or 1 mm), for the precision of 32-bit
+/// floats.
 const MIN_SPACING: f64 = 1e-6;
 
-/// Cubic voxels along the world's axes.
+/// Grid of cubic voxels, parallel to the world axes, into which strands are voxelised.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StrandGrid {
-    /// Voxels along x, y, z.
+    /// Number of voxels of the strand grid along x, y and z.
     pub dims: [usize; 3],
-    /// Voxel spacing, mm.
+    /// Voxel spacing of the strand grid, mm.
     pub spacing_mm: f64,
-    /// Centre of voxel (0, 0, 0), world mm.
+    /// Centre of voxel (0, 0, 0) of the strand grid, world mm.
     pub origin_mm: DVec3,
 }
 
 impl StrandGrid {
-    /// Grid around a box (world mm): `resolution` voxels along the longest side, with a margin of one voxel
-    /// everywhere, and at least three voxels along each side. Spacing and origin are 32-bit floats, so that a NIfTI file
-    /// holds them without loss.
+    /// Creates the voxel grid around a bounding box of strands (world mm). It has `resolution` voxels along the
+    /// longest side, at least three along each side, and a margin of one voxel. Spacing and origin are 32-bit floats,
+    /// so that a NIfTI file stores them without loss.
     ///
     /// # Errors
     /// The resolution is outside [`RESOLUTIONS`].
@@ -54,23 +56,23 @@ impl StrandGrid {
         Ok(Self { dims, spacing_mm, origin_mm })
     }
 
-    /// World mm from index coordinates.
+    /// Transform from voxel indices of the strand grid to world mm.
     pub fn world_from_index(&self) -> DAffine3 {
         DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(self.spacing_mm)), self.origin_mm)
     }
 
-    /// Index coordinates of a world point; voxel centres are integers.
+    /// Converts a world point (mm) to index coordinates of the strand grid; voxel centres have integer coordinates.
     #[inline]
     pub fn index_from_world(&self, p: DVec3) -> DVec3 {
         (p - self.origin_mm) * (1.0 / self.spacing_mm)
     }
 
-    /// Volume of a voxel, mm^3.
+    /// Volume of one voxel of the strand grid, mm^3.
     pub fn voxel_mm3(&self) -> f64 {
         self.spacing_mm.powi(3)
     }
 
-    /// Number of voxels.
+    /// Number of voxels of the strand grid.
     pub fn voxels(&self) -> usize {
         self.dims.iter().product()
     }

@@ -1,8 +1,9 @@
-//! Strands: polylines with a thickness (hair, fur), and the extinction volume that stands for them.
+//! Strands: polylines with a thickness (hair, fur, fibre tracks), and the extinction volume voxelised from them.
 //!
 //! World coordinates are the file's own, in mm; thickness is the diameter in mm. A segment of length `L` has the mean
-//! diameter `d` and transparency `t` of its two ends. Its area is `(1 - t) d L` mm^2: what it hides when seen from the side.
-//! [`voxelise`] distributes this area over the voxels that it crosses; divided by the voxel's volume it is an extinction in 1/mm.
+//! diameter `d` and transparency `t` of its two ends. Its area is `(1 - t) d L` mm^2: what it hides when seen from
+//! the side. [`voxelise`] distributes this area over the voxels that it crosses; divided by the voxel's volume it is
+//! an extinction in 1/mm.
 //!
 //! ```text
 //!  a file  ────┐
@@ -37,103 +38,103 @@ use crate::error::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Largest coordinate: 32-bit positions beyond a thousand kilometres have no precision left.
+/// Largest coordinate and thickness of strands, mm. Beyond it 32-bit positions have too little precision.
 pub const MAX_MM: f32 = 1e9;
 
-/// Quantity with one value for all entries or one for each.
+/// Attribute of strands: one value for all strands or points, or one value for each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute<D, T = D> {
-    /// Value of all entries where `values` is absent.
+    /// Value for all strands or points of an attribute without an array of values.
     pub default: D,
-    /// Value of each entry.
+    /// Value of the attribute for each strand or point, if they differ.
     pub values: Option<Vec<T>>,
 }
 
 impl<D, T> Attribute<D, T> {
-    /// One value for all entries.
+    /// Creates a strand attribute with one value for all strands or points.
     pub fn constant(default: D) -> Self {
         Self { default, values: None }
     }
 }
 
-/// Unchecked contents of a strand file; every array but `segments` has one entry a point.
+/// Contents of a strand file before validation. Every array except `segments` has one entry for each point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StrandArrays {
-    /// Number of strands.
+    /// Number of strands in the file.
     pub strands: u32,
-    /// Segments of each strand, one fewer than its points.
+    /// Number of segments of each strand, one fewer than its points.
     pub segments: Attribute<u32>,
-    /// Points, strand after strand, mm.
+    /// Points of all strands, strand after strand, mm.
     pub points: Vec<[f32; 3]>,
-    /// Diameters, mm.
+    /// Diameter of the strand at each point, mm.
     pub thickness_mm: Attribute<f32>,
-    /// Transparencies, 0 (opaque) to 1.
+    /// Transparency of the strand at each point, 0 (opaque) to 1.
     pub transparency: Attribute<f32>,
-    /// RGB; voxelising ignores it.
+    /// RGB colour of the strand at each point. Voxelisation ignores it.
     pub color: Attribute<[f32; 3]>,
-    /// Information field of the file; may be binary.
+    /// Information text of a `.hair` file (88 bytes); it may be binary.
     pub info: [u8; 88],
 }
 
-/// Quantity of [`StrandArrays`].
+/// Names one array or count of a strand file, for error messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrandQuantity {
-    /// Number of points.
+    /// Number of points of a strand file.
     Count,
-    /// Segments of each strand.
+    /// Numbers of segments of the strands.
     Segments,
-    /// Positions.
+    /// Positions of the strands' points.
     Points,
-    /// Diameters.
+    /// Diameters of the strands.
     Thickness,
-    /// Transparencies.
+    /// Transparencies of the strands.
     Transparency,
-    /// Colours.
+    /// Colours of the strands.
     Color,
 }
 
-/// Fault of [`StrandArrays`].
+/// Invalid value or wrong length in the arrays of a strand file ([`StrandArrays`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flaw {
-    /// Quantity at fault.
+    /// Array or count of the strand file that is invalid.
     pub part: StrandQuantity,
-    /// Entry of the array; `None` for its default.
+    /// Index of the invalid entry in the strand file's array; `None` if the array's default or length is invalid.
     pub entry: Option<usize>,
-    /// Reason, in one line.
+    /// Reason why the strand data are invalid, in one line.
     pub why: String,
 }
 
-/// Strands whose arrays agree in length and hold valid numbers.
+/// Validated strands: arrays of matching lengths with valid numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Strands {
     source: String,
     arrays: StrandArrays,
-    /// First of the two points of each segment.
+    /// Index of the first of the two points of each strand segment.
     first_points: Vec<u32>,
-    /// Warnings about the file.
+    /// Warnings about the strand file, for the user.
     warnings: Vec<String>,
 }
 
-/// Part of a strand between two neighbouring points.
+/// Segment of a strand between two neighbouring points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
-    /// End points, world mm.
+    /// End points of the strand segment, world mm.
     pub ends: [DVec3; 2],
-    /// Diameter, mm.
+    /// Diameter of the strand segment, the mean of its ends, mm.
     pub diameter_mm: f64,
-    /// Transparency, 0 (opaque) to 1.
+    /// Transparency of the strand segment, the mean of its ends, 0 (opaque) to 1.
     pub transparency: f64,
 }
 
 impl Segment {
-    /// Area seen from the side, `(1 - transparency) diameter length`, mm^2.
+    /// Area that the strand segment hides when viewed from the side, `(1 - transparency) diameter length`, mm^2.
     pub fn area_mm2(&self) -> f64 {
         (1.0 - self.transparency) * self.diameter_mm * self.ends[0].distance(self.ends[1])
     }
 }
 
 impl Strands {
-    /// Strands of checked arrays; `source` is the path or name for messages.
+    /// Validates the arrays of a strand file and makes strands of them; `source` is the path or name for messages.
     ///
     /// # Errors
     /// Arrays disagree in length, or a number is out of its range.
@@ -153,23 +154,23 @@ impl Strands {
         Ok(Self { source: source.into(), arrays, first_points, warnings: Vec::new() })
     }
 
-    /// Sets the warnings about the file.
+    /// Replaces the warnings about the strand file.
     #[must_use]
     pub fn with_warnings(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
     }
 
-    /// Warnings about the file, a line each.
+    /// Warnings about the strand file, one line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Source: a path or `phantom:hair-NAME:SEGMENTS`.
+    /// Source of the strands: a file path, or `phantom:hair-NAME:SEGMENTS` for a built-in set.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// Arrays of the strands.
+    /// Arrays of the strands: points, segments, thickness, transparency and colour.
     pub fn arrays(&self) -> &StrandArrays {
         &self.arrays
     }
@@ -179,7 +180,7 @@ impl Strands {
         self.first_points.len()
     }
 
-    /// Range of segment numbers of each strand.
+    /// Range of segment numbers that belong to each strand.
     pub fn segment_ranges(&self) -> Vec<std::ops::Range<usize>> {
         let mut first = 0;
         let range = |count: u32| {
@@ -190,18 +191,18 @@ impl Strands {
         self.arrays.segment_counts().map(range).collect()
     }
 
-    /// Whether any thickness is given: an array, or a default above 0.
+    /// Returns whether the strands have a thickness: an array of diameters, or a default above 0.
     pub fn has_thickness(&self) -> bool {
         self.arrays.thickness_mm.values.is_some() || self.arrays.thickness_mm.default > 0.0
     }
 
-    /// Largest diameter of a segment, mm; 0 without any.
+    /// Largest diameter of the strands, mm; 0 if none is given.
     pub fn widest_mm(&self) -> f64 {
         let Attribute { default, values } = &self.arrays.thickness_mm;
         values.as_ref().map_or(*default, |values| values.iter().copied().fold(0.0, f32::max)).into()
     }
 
-    /// Gives all strands one diameter.
+    /// Sets one diameter (mm) for all strands.
     ///
     /// # Errors
     /// The diameter is not above 0, or beyond [`MAX_MM`].
@@ -214,7 +215,7 @@ impl Strands {
         Ok(self)
     }
 
-    /// Segment by its number; segments are numbered strand after strand.
+    /// Returns a strand segment by its number; segments are numbered strand after strand.
     ///
     /// # Panics
     /// There are fewer segments.
@@ -232,14 +233,14 @@ impl Strands {
         }
     }
 
-    /// z coordinates of a segment's ends.
+    /// z coordinates of the two ends of a strand segment, mm.
     #[inline]
     fn segment_z(&self, index: usize) -> [f64; 2] {
         let first = self.first_points[index] as usize;
         [first, first + 1].map(|p| f64::from(self.arrays.points[p][2]))
     }
 
-    /// Bounding box of all strands with their thickness, world mm; `None` without points.
+    /// Bounding box of all strands including their thickness, world mm; `None` if there are no points.
     pub fn bounds_mm(&self) -> Option<[DVec3; 2]> {
         let thickness = &self.arrays.thickness_mm;
         let grow = |[low, high]: [DVec3; 2], (i, p): (usize, &[f32; 3])| {
@@ -297,18 +298,19 @@ impl StrandArrays {
         check_each(StrandQuantity::Color, &self.color, color, "a colour of three finite numbers")
     }
 
-    /// Number of points that the segments require.
+    /// Number of points that strands with these numbers of segments must have.
     fn points_wanted(&self) -> u64 {
         let strands = u64::from(self.strands);
         match &self.segments.values {
             Some(values) => strands + values.iter().map(|&n| u64::from(n)).sum::<u64>(),
-            // At most 2^32 (2^32 - 1), which fits.
+            // At most 2^32 (2^32 - 1), which fits a u64.
             None => strands * (u64::from(self.segments.default) + 1),
         }
     }
 }
 
-/// Refuses the first invalid value, or an invalid default that is in use.
+/// Returns an error for the first invalid value of a strand attribute, or for its default if that is used and
+/// invalid.
 fn check_each<T: std::fmt::Debug>(
     part: StrandQuantity,
     attribute: &Attribute<T>,

@@ -3,18 +3,18 @@
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Random number generator (`splitmix64`), the same on every machine.
+/// Random number generator (`splitmix64`) with the same results on every machine.
 #[derive(Debug, Clone)]
 pub struct Chance(u64);
 
 impl Chance {
-    /// Stream number `index` of a `seed`.
+    /// Creates the random number generator of stream `index` for a `seed`.
     pub fn new(seed: u64, index: u64) -> Self {
         let mut mixed = Self(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ index);
         Self(mixed.bits() ^ index.rotate_left(32))
     }
 
-    /// 64 random bits.
+    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -22,22 +22,22 @@ impl Chance {
         z ^ (z >> 31)
     }
 
-    /// Uniform number in `[0, 1)`.
+    /// Returns a uniform random number in `[0, 1)`.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Uniform number in `[low, high)`.
+    /// Returns a uniform random number in `[low, high)`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform integer in `0..count`.
+    /// Returns a uniform random integer in `0..count`.
     pub fn below(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    /// Unit vector, uniform over all directions with `z >= lowest_z`.
+    /// Returns a random unit vector, uniform over all directions with `z >= lowest_z`.
     pub fn direction(&mut self, lowest_z: f64) -> DVec3 {
         let (z, angle) = (self.between(lowest_z, 1.0), TAU * self.unit());
         let r = (1.0 - z * z).max(0.0).sqrt();

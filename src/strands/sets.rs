@@ -1,8 +1,8 @@
-//! Built-in strand sets, the same on every run for a name and a number of segments.
+//! Built-in sets of hair and fur strands, identical on every run for a name and a number of segments.
 //!
-//! Hair grows from the upper half of a ball of radius 80 mm and falls; fur covers a ball of radius 60 mm. The total area
-//! of a set does not depend on the number of segments (each strand represents a lock of hair), unless strands would become
-//! thicker than 1 mm. Pictures therefore look alike from thousands of segments to millions.
+//! Hair grows from the upper half of a ball of radius 80 mm and falls; fur covers a ball of radius 60 mm. The total
+//! area of a set does not depend on the number of segments (each strand represents a lock of hair), unless strands
+//! would become thicker than 1 mm. Pictures therefore look alike from thousands of segments to millions.
 
 use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};
@@ -13,30 +13,30 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::fmt;
 
-/// Built-in strand set.
+/// Built-in strand set (`phantom:hair-...`): hair or fur that grows from a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrandSet {
-    /// Straight hair.
+    /// Built-in strand set of straight hair.
     Straight,
-    /// Curls.
+    /// Built-in strand set of curly hair.
     Curly,
-    /// Hair in locks.
+    /// Built-in strand set of hair in locks.
     Clustered,
-    /// Short fur on a ball.
+    /// Built-in strand set of short fur on a ball.
     Fur,
 }
 
-/// Radius of the ball under the hair, mm.
+/// Radius of the ball from which the built-in hair grows, mm.
 const HEAD_MM: f64 = 80.0;
-/// Radius of the ball under the fur, mm.
+/// Radius of the ball from which the built-in fur grows, mm.
 const FUR_BALL_MM: f64 = 60.0;
-/// Strands that share a lock in `hair-clustered`.
+/// Approximate number of strands in one lock of the built-in set `hair-clustered`.
 const LOCK: usize = 24;
-/// Largest diameter of a strand, mm.
+/// Largest diameter of a strand in the built-in sets, mm.
 const MAX_THICKNESS_MM: f64 = 1.0;
 
-/// Each set's name, description, segments of a strand (the last has the rest), area of all strands seen from the side (mm^2), and
-/// loss of diameter towards the tip.
+/// Parameters of each built-in strand set: name, description, segments of a strand (the last strand takes the rest),
+/// area of all strands viewed from the side (mm^2), relative loss of diameter towards the tip.
 const SETS: [(&str, &str, usize, f64, f64); 4] = [
     ("hair-straight", "straight hair that falls from a ball", 48, 250_000.0, 0.0),
     ("hair-curly", "curls", 128, 250_000.0, 0.0),
@@ -45,26 +45,26 @@ const SETS: [(&str, &str, usize, f64, f64); 4] = [
 ];
 
 impl StrandSet {
-    /// Every built-in set.
+    /// List of all built-in strand sets.
     pub const ALL: [Self; 4] = [Self::Straight, Self::Curly, Self::Clustered, Self::Fur];
 
-    /// Default number of segments.
+    /// Default number of segments of a built-in strand set.
     pub const DEFAULT_SEGMENTS: usize = 100_000;
 
-    /// Largest number of segments.
+    /// Largest number of segments of a built-in strand set.
     pub const MAX_SEGMENTS: usize = 1 << 25;
 
-    /// Name, as in `phantom:NAME`.
+    /// Name of the built-in strand set, used in `phantom:NAME`.
     pub fn name(self) -> &'static str {
         SETS[self as usize].0
     }
 
-    /// Short description.
+    /// Short description of the built-in strand set.
     pub fn description(self) -> &'static str {
         SETS[self as usize].1
     }
 
-    /// Parses `NAME[:SEGMENTS]`.
+    /// Parses a built-in strand set and its number of segments from `NAME[:SEGMENTS]`.
     ///
     /// # Errors
     /// The name is unknown, or the number of segments is not in `1..=33554432`.
@@ -83,12 +83,12 @@ impl StrandSet {
         }
     }
 
-    /// Diameter at the fraction `u` of a strand, relative to its root.
+    /// Diameter of a strand relative to that at its root, at the fraction `u` of the strand's length.
     fn taper(self, u: f64) -> f64 {
         1.0 - SETS[self as usize].4 * u
     }
 
-    /// Builds the set with exactly `segments` segments.
+    /// Builds a built-in strand set with exactly `segments` segments.
     ///
     /// # Errors
     /// `segments` is not in `1..=33554432`.
@@ -96,7 +96,7 @@ impl StrandSet {
         self.build_with(segments, &Loading::default())
     }
 
-    /// Builds the set as [`Self::build`] does, watched and cancelled through `loading`.
+    /// Builds a built-in strand set with exactly `segments` segments; `loading` shows progress and can cancel it.
     pub fn build_with(self, segments: usize, loading: &Loading) -> Result<Strands> {
         let source = format!("phantom:{self}:{segments}");
         let refuse = |why: String| Error::input("cannot build strands", &source, why);
@@ -120,7 +120,7 @@ impl StrandSet {
         let lines: Vec<Vec<DVec3>> = (0..strands).into_par_iter().map(grow).collect();
         loading.go_on(&source)?;
         let share = |line: &[DVec3], i: usize| i as f64 / (line.len() - 1) as f64;
-        // Area with a diameter of 1 at the roots.
+        // Area of the strands if their diameter were 1 at the roots.
         let area_of = |line: &Vec<DVec3>| -> f64 {
             let area = |(i, ends): (usize, &[DVec3])| {
                 let middle = 0.5 * (self.taper(share(line, i)) + self.taper(share(line, i + 1)));
@@ -152,7 +152,7 @@ impl StrandSet {
         Strands::new(&source, arrays).map_err(|flaw| refuse(flaw.why))
     }
 
-    /// Points of strand `index` of `strands`, mm.
+    /// Computes the points (mm) of strand number `index` of the `strands` strands of a built-in set.
     fn strand(self, index: usize, strands: usize, steps: Steps) -> Vec<DVec3> {
         let mut chance = Chance::new(self as u64 + 1, index as u64);
         match self {
@@ -190,19 +190,19 @@ impl StrandSet {
     }
 }
 
-/// Number of segments of a whole strand, and of this one, which may be shorter.
+/// Number of segments of a full strand, and of the present strand, which may be shorter.
 #[derive(Debug, Clone, Copy)]
 struct Steps {
     each: usize,
     count: usize,
 }
 
-/// Shape of a strand that leaves the ball and falls.
+/// Shape of a built-in hair strand that leaves the ball and then falls.
 struct Fall {
     root: DVec3,
-    /// Unit normal of the plane in which the strand bends.
+    /// Unit normal of the plane in which the hair strand bends.
     across: DVec3,
-    /// Length scale of the bend, mm.
+    /// Length over which the hair strand bends from the ball's normal to downwards, mm.
     bend_mm: f64,
     sway: DVec3,
 }
@@ -213,7 +213,8 @@ impl Fall {
         Self { root, across, bend_mm: chance.between(25.0, 45.0), sway: 0.12 * chance.direction(-1.0) }
     }
 
-    /// Points at equal steps along the strand, each displaced by `offset(mm from the root, [across, normal])`.
+    /// Computes points at equal steps along a hair strand, displaced by `offset(distance from the root in mm,
+    /// [across, normal])`.
     fn points(&self, length_mm: f64, steps: Steps, offset: impl Fn(f64, [DVec3; 2]) -> DVec3) -> Vec<DVec3> {
         let step = length_mm / steps.each as f64;
         let mut at = self.root * HEAD_MM;
@@ -234,7 +235,7 @@ impl Fall {
     }
 }
 
-/// Points of a hair of fur, upright at the root and bent along the comb direction.
+/// Computes the points of one fur hair, upright at the root and bent along the comb direction.
 fn fur(chance: &mut Chance, steps: Steps) -> Vec<DVec3> {
     let root = chance.direction(-1.0);
     let comb = DVec3::new(0.35, 0.2, -1.0) + 0.35 * chance.direction(-1.0);

@@ -1,8 +1,9 @@
-//! Directions of strands on the volume's grid: second moments of their tangents.
+//! Strand directions on the volume's grid, as second moments of the strands' tangents in each voxel.
 //!
-//! A segment of unit tangent `u`, length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside u u^T / voxel volume`
-//! to each voxel, with the `L_inside` of the extinction's kernel. The trace of a voxel's moments is therefore its extinction,
-//! 1/mm, and the same interpolation of both keeps it so between voxels. Directions are in world coordinates.
+//! A segment of unit tangent `u`, length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside u u^T /
+//! voxel volume` to each voxel, with the `L_inside` of the extinction's kernel. The trace of a voxel's moments is
+//! therefore its extinction, 1/mm, and the same interpolation of both keeps it so between voxels. Directions are in
+//! world coordinates.
 
 use super::voxelise::spread;
 use super::{Kernel, Segment, StrandGrid, Strands, VoxelisedStrands};
@@ -11,7 +12,7 @@ use crate::files::loading::Loading;
 use crate::volume::DirectionMoments;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Second moments of the directions of strands on a grid.
+/// Computes the second moments of the strands' directions in each voxel of a grid.
 ///
 /// # Errors
 /// The host has no memory for them.
@@ -20,7 +21,7 @@ pub fn tangents(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<
     DirectionMoments::new(grid.dims, grid.world_from_index(), values)
 }
 
-/// `xx, yy, zz, xy, xz, yz` of `u u^T` times the segment's area, mm^2.
+/// Elements `xx, yy, zz, xy, xz, yz` of `u u^T` times a strand segment's area (mm^2), where `u` is its unit tangent.
 fn moments_mm2(segment: &Segment) -> [f64; 6] {
     let [a, b] = segment.ends;
     let u = (b - a).normalize_or_zero();
@@ -29,13 +30,13 @@ fn moments_mm2(segment: &Segment) -> [f64; 6] {
 }
 
 impl VoxelisedStrands {
-    /// Strands that were voxelised into a grid.
+    /// Stores strands with the grid and kernel of their voxelisation.
     pub fn new(strands: Strands, grid: StrandGrid, kernel: Kernel) -> Self {
         Self { strands, grid, kernel, directions: Mutex::default() }
     }
 
-    /// Directions of the strands on the volume's grid, 24 bytes a voxel: computed on the first call and shared while anyone
-    /// holds them.
+    /// Returns the strand directions on the volume's grid (24 bytes for each voxel). They are computed on the first
+    /// call and shared while any caller still uses them.
     ///
     /// # Errors
     /// The host has no memory for them.

@@ -1,54 +1,55 @@
-//! Opaque tubes of triangles made from strands, which join the meshes of a scene.
+//! Triangle meshes of opaque tubes around strands, added to the meshes of a scene.
 //!
-//! A tube is a prism of [`SIDES`] sides along the strand, with the strand's thickness at each point and a hemisphere at either
-//! end. The edges of the sides lie a little outside of the strand's cylinder and their middles a little inside, so that the mean
-//! width over all view directions is the strand's. With 12 sides the outline is off by at most 2.3 % of the radius (5.6 % at the
-//! ends); strands that would need too many triangles have fewer sides (8, 6, 4: 5.2, 9.4 and 22 %).
+//! A tube is a prism of [`SIDES`] sides along the strand, with the strand's thickness at each point and a hemisphere
+//! at either end. The edges of the sides lie a little outside of the strand's cylinder and their middles a little
+//! inside, so that the mean width over all view directions is the strand's. With 12 sides the outline is off by at
+//! most 2.3 % of the radius (5.6 % at the ends); strands that would need too many triangles have fewer sides (8, 6,
+//! 4: 5.2, 9.4 and 22 %).
 //!
-//! Where a strand bends, both prisms end in one ring, halfway between their directions. Where it bends by more than a right angle,
-//! or so near to another bend that the rings would meet, the tube ends in a hemisphere and another tube begins with one. The two
-//! overlap and leave no gap. Every tube is closed.
+//! Where a strand bends, both prisms end in one ring, halfway between their directions. Where it bends by more than a
+//! right angle, or so near to another bend that the rings would meet, the tube ends in a hemisphere and another tube
+//! begins with one. The two overlap and leave no gap. Every tube is closed.
 
 use super::Strands;
 use crate::error::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Numbers of sides of a tube; the first that does not need too many triangles is used.
+/// Possible numbers of sides of a strand's tube. The first one that stays within the limit on triangles is used.
 pub const SIDES: [usize; 4] = [12, 8, 6, 4];
 
-/// Smallest distance of two points, relative to the radius; nearer points are skipped.
+/// Smallest distance between two points of a tube, relative to its radius. Nearer points of the strand are skipped.
 const LEAST_DISTANCE: f64 = 1e-2;
 
-/// Largest number of triangles of all tubes of a scene.
+/// Largest number of triangles of all strand tubes of a scene.
 ///
-/// With its part of the tree a triangle takes 160 bytes on the device, 96 of them in one buffer, so that 1.4 million fit the 128 MiB
-/// that every adapter can bind. On the host it takes 0.5 KiB, and a tree of a million takes 1.2 s.
+/// With its part of the tree a triangle takes 160 bytes on the device, 96 of them in one buffer, so that 1.4 million
+/// fit the 128 MiB that every adapter can bind. On the host it takes 0.5 KiB, and a tree of a million takes 1.2 s.
 pub const MOST_TRIANGLES: usize = 1_000_000;
 
-/// Tubes made from strands.
+/// Triangle mesh of tubes made from strands.
 #[derive(Debug)]
 pub struct Tubes {
-    /// Corners of all triangles, world mm, counter-clockwise from outside.
+    /// Corners of all triangles of the strand tubes, world mm, counter-clockwise when viewed from outside.
     pub triangles: Vec<[DVec3; 3]>,
-    /// Sides of each tube.
+    /// Number of sides of each strand tube.
     pub sides: usize,
-    /// Number of triangles with the largest number of sides.
+    /// Number of triangles that the strand tubes would have with the largest number of sides.
     pub of_most_sides: usize,
 }
 
-/// Point on a strand.
+/// Point on the axis of a strand tube, with the tube's radius there.
 #[derive(Debug, Clone, Copy)]
 struct TubePoint {
     at: DVec3,
     radius_mm: f64,
 }
 
-/// Tessellation of a tube.
+/// Tessellation of a strand tube: its number of sides, and of rings in each end cap.
 #[derive(Debug, Clone, Copy)]
 struct Tessellation {
     sides: usize,
-    /// Rings of a hemisphere, including the tube's own; the pole is a single corner.
+    /// Number of rings of a hemispherical cap, including the end ring of the tube; the pole is a single vertex.
     cap_rings: usize,
 }
 
@@ -57,19 +58,19 @@ impl Tessellation {
         Self { sides, cap_rings: (sides + 2) / 4 }
     }
 
-    /// Triangles of a tube through this many points.
+    /// Number of triangles of a tube with `places` points on its axis.
     fn triangles(self, places: usize) -> usize {
         2 * self.sides * (places - 1) + 2 * (2 * self.cap_rings - 1) * self.sides
     }
 
-    /// Distance of the corners from the axis in radii: the mean width of a polygon is its perimeter over pi.
+    /// Distance of a tube's vertices from its axis, in radii. A polygon's mean width is its perimeter over pi.
     fn corner(self) -> f64 {
         let n = self.sides as f64;
         PI / (n * (PI / n).sin())
     }
 }
 
-/// Makes tubes of all strands with at most `most` triangles.
+/// Makes tubes of all strands with at most `most` triangles altogether.
 ///
 /// # Errors
 /// Nothing has length and thickness, or there would be more triangles; this is checked before memory is taken.
@@ -99,7 +100,7 @@ pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     Ok(Tubes { triangles, sides: shape.sides, of_most_sides: counts[0] })
 }
 
-/// Calls `take` with the points of every tube, at least two.
+/// Calls `take` with the axis points of every tube of the strands, at least two points each.
 fn each_tube(strands: &Strands, mut take: impl FnMut(&[TubePoint])) {
     let arrays = strands.arrays();
     let radius_mm = |point: usize| {
@@ -126,7 +127,7 @@ fn each_tube(strands: &Strands, mut take: impl FnMut(&[TubePoint])) {
     }
 }
 
-/// Splits a strand into tubes where its rings would meet.
+/// Splits a strand into several tubes where the rings of neighbouring bends would intersect.
 fn split(places: &[TubePoint], take: &mut impl FnMut(&[TubePoint])) {
     let along = |segment: usize| places[segment + 1].at - places[segment].at;
     let (mut begun, mut taken_mm) = (0, 0.0);
@@ -151,10 +152,10 @@ fn tangent_of_half(a: DVec3, b: DVec3) -> f64 {
     (a - b).length() / (a + b).length()
 }
 
-/// Corners around a point of a strand.
+/// Vertices of a tube around one point of its axis.
 type Ring = Vec<DVec3>;
 
-/// Adds the triangles of one tube.
+/// Adds the triangles of one strand tube to `triangles`.
 fn add_tube(places: &[TubePoint], shape: Tessellation, triangles: &mut Vec<[DVec3; 3]>) {
     let direction = |segment: usize| (places[segment + 1].at - places[segment].at).normalize();
     let (first, last) = (direction(0), direction(places.len() - 2));
@@ -182,7 +183,7 @@ fn add_tube(places: &[TubePoint], shape: Tessellation, triangles: &mut Vec<[DVec
     add_cap(wider(places[places.len() - 1]), last, &across, shape, triangles);
 }
 
-/// Unit vectors to the corners of a polygon perpendicular to a direction, counter-clockwise about it.
+/// Unit vectors to the vertices of a regular polygon perpendicular to `along`, counter-clockwise about it.
 fn corners(along: DVec3, sides: usize) -> Ring {
     let x = along.any_orthonormal_vector();
     let y = along.cross(x);
@@ -197,7 +198,7 @@ fn ring_at(place: TubePoint, across: &[DVec3]) -> Ring {
     across.iter().map(|u| place.at + place.radius_mm * *u).collect()
 }
 
-/// Adds the triangles between two rings, the second farther along.
+/// Adds the triangles between two neighbouring rings of a tube; the second ring is farther along the tube.
 fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     for side in 0..from.len() {
         let next = (side + 1) % from.len();
@@ -206,7 +207,8 @@ fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     }
 }
 
-/// Adds the hemisphere at an end of a tube; `outward` points to its pole. Corners have the order of the tube.
+/// Adds the hemispherical cap at an end of a tube; `outward` points to its pole. Vertices keep the order of the
+/// tube's ring.
 fn add_cap(
     place: TubePoint,
     outward: DVec3,
@@ -262,7 +264,8 @@ mod tests {
         Mesh::new(vec![MeshPart { source: "test".into(), color: [1.0; 3], triangles }]).unwrap()
     }
 
-    /// A curve that bends gently, a zigzag, a hairpin, a line with the same point twice, and one that tapers to nothing.
+    /// Test strands: a gentle curve, a zigzag, a hairpin, a line with a repeated point, and a strand that tapers to
+    /// zero width.
     fn some() -> Vec<Strands> {
         let curve = |i: u32| {
             let t = f64::from(i) * 0.2;
@@ -301,7 +304,7 @@ mod tests {
             each_tube(strands, |tube| count += shape.triangles(tube.len()));
             each_tube(strands, |tube| add_tube(tube, shape, &mut triangles));
             assert_eq!(triangles.len(), count);
-            // Every edge is gone along as often as against: that is what closed means.
+            // A mesh is closed if every edge is used equally often in both directions.
             let mut edges = std::collections::HashMap::new();
             let key = |p: DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
             for t in &triangles {
@@ -345,7 +348,7 @@ mod tests {
         }
     }
 
-    /// Rays from the strand meet its tube in every direction: there are no gaps at joints.
+    /// A ray that starts on the strand hits its tube in every direction: there are no gaps at joints.
     #[test]
     fn no_ray_leaves_a_tube() {
         for strands in some() {
@@ -360,7 +363,7 @@ mod tests {
                         let phi = turn + 2.399_963 * f64::from(k);
                         let ring = (1.0 - z * z).sqrt();
                         let direction = DVec3::new(ring * phi.cos(), ring * phi.sin(), z);
-                        // A strand that tapers has nearly nothing at its tip.
+                        // A strand that tapers is nearly without width at its tip.
                         let met = radius < 0.6 || mesh.first_hit(from, direction, [0.0, 1e6]).is_some();
                         assert!(met, "segment {i}, {from}, {direction}");
                     }

@@ -1,4 +1,4 @@
-//! Volume of extinction made from strands.
+//! Extinction volume made from strands.
 
 use super::{Conservation, Kernel, StrandGrid, Strands, voxelise};
 use crate::error::{Error, Result};
@@ -8,40 +8,40 @@ use ndarray::Array3;
 use std::sync::{Mutex, Weak};
 use std::time::Instant;
 
-/// Volume made from strands, with its report.
+/// Extinction volume voxelised from strands, with the error and time of the voxelisation.
 #[derive(Debug, Clone)]
 pub struct StrandVolume {
-    /// Values are extinction in 1/mm; its format is `strands`.
+    /// Volume voxelised from strands; its values are extinction in 1/mm and its format is `strands`.
     pub volume: Volume,
-    /// Grid of the voxels.
+    /// Voxel grid of the volume made from strands.
     pub grid: StrandGrid,
-    /// Kernel of the voxelisation.
+    /// Voxelisation kernel (box or tent) that distributed the strands over the voxels.
     pub kernel: Kernel,
-    /// Area before and after.
+    /// Area of the strands before voxelisation and on the voxel grid after it.
     pub conservation: Conservation,
-    /// Wall-clock time of the voxelisation, without reading and without the report.
+    /// Wall-clock time of voxelising the strands, ms, without reading the file and without measuring the lost area.
     pub voxelise_ms: f64,
 }
 
 /// Strands with the grid and kernel of their voxelisation.
 #[derive(Debug)]
 pub struct VoxelisedStrands {
-    /// The strands.
+    /// Strands from which the volume was voxelised.
     pub strands: Strands,
-    /// Grid of the volume.
+    /// Voxel grid of the volume made from these strands.
     pub grid: StrandGrid,
-    /// Kernel of the voxelisation.
+    /// Voxelisation kernel (box or tent) that distributed the strands over the voxels.
     pub kernel: Kernel,
-    /// Directions of the strands, while anyone holds them.
+    /// Cached strand directions on the volume's grid; freed when no caller uses them.
     pub(super) directions: Mutex<Weak<DirectionMoments>>,
 }
 
-/// `Provenance::format` of a volume made from strands; it marks values that are extinction.
+/// Format name in the `Provenance` of a volume made from strands. It marks that values are extinction.
 pub const STRANDS_FORMAT: &str = "strands";
 
 impl StrandVolume {
-    /// Voxelises strands into the grid around them, with `resolution` voxels along its longest side; watched and cancelled
-    /// through `loading`.
+    /// Voxelises strands into a grid around them with `resolution` voxels along its longest side; `loading` shows
+    /// progress and can cancel it.
     ///
     /// # Errors
     /// There are no points, the resolution is out of range, the host has no memory, or the work was cancelled.

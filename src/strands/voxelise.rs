@@ -20,43 +20,45 @@ use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use rayon::prelude::*;
 
-/// Kernel that distributes a segment's length over voxels.
+/// Kernel that distributes the length of a strand segment over voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
-    /// All of the length within a voxel's faces goes to that voxel; pieces are clipped exactly
+    /// Box kernel of the voxelisation: each voxel gets the exact length of the strand within its faces
     #[default]
     Box,
-    /// Every point is shared by the eight voxel centres around it, by the weights of trilinear interpolation
+    /// Tent kernel of the voxelisation: each strand point is shared by the eight nearest voxels with trilinear
+    /// weights
     Tent,
 }
 
-/// Area of the strands and of the voxels made from them, mm^2.
+/// Area of the strands before voxelisation and of the voxels made from them, mm^2.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Conservation {
-    /// Sum of `(1 - transparency) diameter length` over all segments.
+    /// Area of all strands: sum of `(1 - transparency) diameter length` over their segments, mm^2.
     pub area_mm2: f64,
-    /// Part of the area within the grid's domain.
+    /// Part of the strands' area that lies within the voxel grid's domain, mm^2.
     pub area_inside_mm2: f64,
-    /// Sum of extinction times voxel volume.
+    /// Area on the voxel grid: sum of extinction times voxel volume over all voxels, mm^2.
     pub on_grid_mm2: f64,
-    /// `|on_grid - inside| / inside`; 0 without area.
+    /// Relative error of the area on the voxel grid, `|on_grid - inside| / inside`; 0 if both are 0.
     pub relative_error: f64,
 }
 
-/// Voxels of a slab: 4 MiB of sums.
+/// Largest number of voxels of a slab that one thread voxelises: 4 MiB of 64-bit sums.
 const SLAB_VOXELS: usize = 1 << 19;
 
-/// Segments whose z range is tested together.
+/// Number of strand segments in a chunk; one test of their common z range can skip them all.
 const CHUNK: usize = 16;
 
-/// Chunks of segments between two reports of progress.
+/// Number of chunks of strand segments between two reports of the voxelisation's progress.
 const CHUNKS_A_PIECE: usize = 1 << 12;
 
-/// Segments of a partial sum; fixed, so that sums do not depend on the number of threads.
+/// Number of terms of a partial sum. It is fixed, so that sums do not depend on the number of threads.
 const SUM_CHUNK: usize = 1 << 14;
 
-/// Extinction in 1/mm of strands on a grid, x fastest; watched and cancelled through `loading`.
+/// Voxelises strands: computes their extinction (1/mm) in each voxel of a grid, x fastest. `loading` shows progress
+/// and can cancel it.
 ///
 /// # Errors
 /// The host has no memory for the grid, or the work was cancelled.
@@ -64,8 +66,8 @@ pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel, loading: &
     spread(strands, grid, kernel, |segment| [segment.area_mm2()], loading).map(Vec::into_flattened)
 }
 
-/// Distributes `N` amounts of every segment over the voxels in proportion to its length in each, and divides by the voxel's
-/// volume; x fastest.
+/// Distributes `N` amounts of every strand segment over the voxels in proportion to the segment's length in each. The
+/// sums are divided by the voxel's volume; x fastest.
 pub(super) fn spread<const N: usize>(
     strands: &Strands,
     grid: &StrandGrid,
@@ -115,7 +117,7 @@ pub(super) fn spread<const N: usize>(
 }
 
 impl Conservation {
-    /// Sums over strands and over the values voxelised from them.
+    /// Sums the area of strands and of the voxel values made from them.
     ///
     /// # Errors
     /// The work was cancelled through `loading`.
@@ -149,7 +151,8 @@ impl Conservation {
 }
 
 impl Kernel {
-    /// Offset from index coordinates to cell coordinates: voxels lie between faces, the tent's cells between voxel centres.
+    /// Offset from index coordinates to cell coordinates. Cells of the box kernel are voxels; those of the tent lie
+    /// between voxel centres.
     fn shift(self) -> f64 {
         match self {
             Self::Box => 0.5,
@@ -157,14 +160,14 @@ impl Kernel {
         }
     }
 
-    /// Segment in the coordinates of [`Self::cells`].
+    /// Converts a strand segment (world mm) to the cell coordinates of this voxelisation kernel.
     #[inline]
     fn line(self, grid: &StrandGrid, ends: [glam::DVec3; 2]) -> CellRay {
         let [a, b] = ends.map(|p| (grid.index_from_world(p) + self.shift()).to_array());
         CellRay::new(a, b)
     }
 
-    /// Cells that contribute to the planes `first..end`.
+    /// Box of kernel cells that contribute to the voxel planes `first..end` along z.
     fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> CellBox {
         let n = grid.dims.map(|n| n as i64);
         let below = i64::from(self == Self::Tent);
@@ -176,7 +179,7 @@ impl Kernel {
     }
 }
 
-/// Range of z of each chunk of segments, index coordinates.
+/// Range of z of each chunk of strand segments, in index coordinates of the grid.
 fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     let count = strands.segment_count();
     let per_mm = 1.0 / grid.spacing_mm;
@@ -192,12 +195,12 @@ fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     (0..count.div_ceil(CHUNK)).into_par_iter().map(reach).collect()
 }
 
-/// Slab of planes of the grid with the sums of `N` amounts a voxel.
+/// Slab of voxel planes that one thread voxelises, with `N` sums for each voxel.
 struct VoxelSlab<'a, const N: usize> {
     kernel: Kernel,
     cells: CellBox,
     dims: [usize; 3],
-    /// Planes `[first, end)`.
+    /// First voxel plane of the slab along z; `end` is the plane after the last one.
     first: usize,
     end: usize,
     sums: &'a mut Vec<[f64; N]>,
@@ -210,13 +213,13 @@ impl<'a, const N: usize> VoxelSlab<'a, N> {
         Self { kernel, cells: kernel.cells(grid, first, end), dims: grid.dims, first, end, sums }
     }
 
-    /// Range of z that contributes to these planes, index coordinates.
+    /// Range of z within which strand segments contribute to the slab's planes, index coordinates.
     fn z_range(&self) -> [f64; 2] {
         let [first, last] = self.cells.part[2];
         [first as f64 - self.kernel.shift(), (last + 1) as f64 - self.kernel.shift()]
     }
 
-    /// Adds the amounts of a segment to the voxels that it crosses.
+    /// Adds the amounts of a strand segment to the voxels of the slab that it crosses.
     #[inline]
     fn add(&mut self, grid: &StrandGrid, segment: &Segment, amounts: [f64; N]) {
         if amounts == [0.0; N] {
@@ -234,8 +237,8 @@ impl<'a, const N: usize> VoxelSlab<'a, N> {
         });
     }
 
-    /// Adds amounts, uniform along a piece within one cell, to the eight nearest voxels. The weights are cubics of `t`, which
-    /// two Gauss points integrate exactly; the eight weights sum to 1 at each of them.
+    /// Adds amounts, uniform along a strand segment within one cell, to the eight nearest voxels. The weights are
+    /// cubics of `t`, which two Gauss points integrate exactly; the eight weights sum to 1 at each of them.
     #[inline]
     fn spread(&mut self, line: &CellRay, cell: [i64; 3], [t0, t1]: [f64; 2], amounts: [f64; N]) {
         const GAUSS: f64 = 0.577_350_269_189_625_8;

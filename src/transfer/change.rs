@@ -1,21 +1,22 @@
-//! Effect of an edit of a transfer function on the values of a volume.
+//! Compares two transfer functions on the values that occur in a volume, to decide which results stay valid.
 
 use super::{ControlPoint, TransferFunction};
 
-/// Largest difference of two transfer functions on some values.
+/// Largest change that an edit of a transfer function makes to the values of a volume: none, colour, or extinction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TransferChange {
-    /// No value that occurs changes its extinction, or its colour where it has extinction.
+    /// No value in the volume changes its extinction, or its colour if it has extinction.
     Nothing,
-    /// Some value with extinction changes its colour, none its extinction.
+    /// Some value in the volume with extinction changes its colour, but none its extinction.
     Color,
-    /// Some value that occurs changes its extinction.
+    /// Some value in the volume changes its extinction.
     Extinction,
 }
 
 impl TransferChange {
-    /// Change from `old` to `new`. `occurs` tells whether a volume has any value in a closed range, whose ends may be
-    /// infinite. Conservative: ranges are those between control points.
+    /// Returns the change from the transfer function `old` to `new`. `occurs` tells whether the volume has any value
+    /// in a closed range, whose ends may be infinite. The result is conservative: it tests whole ranges between
+    /// control points.
     pub fn between(
         old: &TransferFunction,
         new: &TransferFunction,
@@ -45,7 +46,8 @@ impl TransferChange {
     }
 }
 
-/// Ranges between neighbouring control points of both functions; each function is linear inside each range.
+/// Returns the ranges between neighbouring control points of two transfer functions. Each function is linear inside
+/// each range.
 fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
     let mut ends: Vec<f64> = a.points.iter().chain(&b.points).map(|p| p.value).collect();
     ends.extend([f64::NEG_INFINITY, f64::INFINITY]);
@@ -55,7 +57,8 @@ fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
 }
 
 impl TransferFunction {
-    /// Limits of a quantity at both ends of a range without control points inside, from within the range.
+    /// Limits of a quantity of the transfer function at both ends of a range, approached from inside. No control
+    /// point lies inside the range.
     fn ends_on(&self, [low, high]: [f64; 2], get: impl Fn(&ControlPoint) -> f64) -> [f64; 2] {
         let points = &self.points;
         // The last point at or below the range, and the first at or above it.

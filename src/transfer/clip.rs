@@ -1,33 +1,34 @@
-//! Clip planes, beyond which the volume has no extinction.
+//! Clip planes: the volume has no extinction beyond them.
 
 use glam::{DAffine3, DVec3};
 use std::fmt;
 use std::str::FromStr;
 
-/// Limit on the clip planes of a volume: the six sides of a box, and two cuts.
+/// Largest number of clip planes of a volume: enough for the six sides of a box and two cuts.
 pub const MOST_CLIP_PLANES: usize = 8;
-/// Length below which a normal has no direction.
+/// Length below which a clip plane's normal has no direction.
 const SHORTEST_NORMAL: f64 = 1e-9;
-/// Largest coordinate, mm.
+/// Largest number accepted in a clip plane, mm.
 const MAX_COORDINATE: f64 = 1e9;
 
-/// Plane that keeps the points `x` (world mm) with `normal · x >= offset_mm`.
+/// Clip plane; points `x` (world mm) with `normal · x >= offset_mm` stay visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipPlane {
-    /// Unit normal towards the kept side.
+    /// Unit normal of the clip plane, towards the visible side.
     pub normal: DVec3,
-    /// Signed distance of the plane from the world's origin along the normal, mm.
+    /// Signed distance of the clip plane from the world's origin along the normal, mm.
     pub offset_mm: f64,
 }
 
 impl ClipPlane {
-    /// Normal and offset in coordinates that `world` maps to world mm: the plane keeps `normal · p >= offset` there.
+    /// Transforms the clip plane to other coordinates, which `world` maps to world mm. Points `p` with `normal · p >=
+    /// offset` stay visible there.
     pub fn in_coordinates(&self, world: DAffine3) -> (DVec3, f64) {
         (world.matrix3.transpose() * self.normal, self.offset_mm - self.normal.dot(world.translation))
     }
 
-    /// Clips the interval `[from, to]` of `t` on the line `origin + t direction`. The result is empty where it ends before it
-    /// begins.
+    /// Clips the interval `[from, to]` of `t` on the line `origin + t direction` to the plane's visible side. The
+    /// result is empty if its end is below its start.
     pub fn cut(&self, origin: DVec3, direction: DVec3, [from, to]: [f64; 2]) -> [f64; 2] {
         let (rise, above) = (self.normal.dot(direction), self.normal.dot(origin) - self.offset_mm);
         if rise > 0.0 {
@@ -45,7 +46,8 @@ impl ClipPlane {
 impl FromStr for ClipPlane {
     type Err = String;
 
-    /// Parses `nx,ny,nz,d`, which keeps `n · x >= d`; the normal may have any length but 0.
+    /// Parses a clip plane from `nx,ny,nz,d`: points with `n · x >= d` stay visible. The normal may have any length
+    /// except 0.
     fn from_str(text: &str) -> Result<Self, String> {
         let refuse =
             || format!("`{text}` is not nx,ny,nz,d: four numbers; the plane keeps n·x >= d in world mm");

@@ -1,5 +1,5 @@
-//! Transfer-function files (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
-//! non-decreasing value, each with either an opacity or an extinction and a colour `#rrggbb`.
+//! Transfer-function files (`transfer_functions/*.json`): name, units, `reference_length_mm`, and control points by
+//! non-decreasing value. Each point has an opacity or an extinction, and a colour `#rrggbb`.
 
 use super::{ControlPoint, Quantity, TransferFunction};
 use crate::error::{Error, Result};
@@ -9,7 +9,8 @@ use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Largest value and extinction: beyond it products with a length no longer fit 32-bit floats.
+/// Largest value and extinction in a transfer-function file: products of larger numbers with a length overflow 32-bit
+/// floats.
 const MAX_MAGNITUDE: f64 = 1e30;
 
 #[derive(Serialize, Deserialize)]
@@ -55,7 +56,7 @@ impl TransferFunction {
         Ok(tf)
     }
 
-    /// Writes a transfer-function file, whole or not at all. Colours are rounded to 8 bits a channel.
+    /// Writes a transfer-function file, completely or not at all. Colours are rounded to 8 bits per channel.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -63,7 +64,7 @@ impl TransferFunction {
         write_whole(path, |file| writeln!(file, "{}", self.to_json()))
     }
 
-    /// Text of the file.
+    /// Returns the transfer function as the text of a transfer-function file (JSON).
     pub fn to_json(&self) -> String {
         let points = self.points.iter().map(|p| PointEntry {
             value: p.value,
@@ -80,7 +81,7 @@ impl TransferFunction {
         serde_json::to_string_pretty(&file).expect("numbers and strings always serialise")
     }
 
-    /// Parses the text of a file.
+    /// Parses the text of a transfer-function file (JSON).
     ///
     /// # Errors
     /// The text is no transfer function; the reason is one line.

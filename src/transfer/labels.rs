@@ -1,36 +1,40 @@
-//! Transfer functions for the labels of a segmentation: labels are hidden, or have functions of their own.
+//! Transfer functions for the labels of a segmentation: each label is hidden, or may have its own function.
 
 use super::{ControlPoint, LabelRule, LabelVisibility, TransferFunction};
 
-/// Limit on the functions of labels, beside the first: all of them share the bins of one set of tables.
+/// Largest number of transfer functions for labels, besides the main one. All of them share the bins of one set of
+/// device tables.
 pub const MOST_LABEL_FUNCTIONS: usize = 15;
-/// Gap between two functions on the common axis of values, relative to the range of values; wider than a bin of the tables.
+/// Gap between two transfer functions on their common value axis, relative to the volume's value range. It is wider
+/// than a bin of the device tables.
 const GAP: f64 = 1.0 / 32.0;
-/// Smallest width of the range of values, relative to the largest of them.
+/// Smallest width of a volume's value range, relative to the largest absolute value, when transfer functions share an
+/// axis.
 const LEAST_WIDTH: f64 = 1.0 / 1024.0;
 
-/// Function of the voxels of a label.
+/// Transfer function that applies to the voxels of a segmentation label, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelClass {
-    /// None: the voxels have no extinction.
+    /// Hidden label: its voxels have no extinction.
     Hidden,
-    /// Index into [`TransferFunction::functions`].
+    /// Index of the label's transfer function in [`TransferFunction::functions`].
     Function(usize),
 }
 
-/// Several functions side by side on one axis of values, so that one set of tables holds all of them.
+/// Several transfer functions side by side on one value axis, so that one set of device tables stores all of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SideBySide {
-    /// Combined function, without extinction between and behind its parts.
+    /// Combined transfer function, with zero extinction between and after the single functions.
     pub function: TransferFunction,
-    /// Offset of the values for each element of [`TransferFunction::functions`].
+    /// Offset added to a voxel's value for each transfer function in [`TransferFunction::functions`].
     pub shifts: Vec<f64>,
-    /// Value behind all parts.
+    /// Value for hidden voxels, above all single transfer functions, where the combined one has zero extinction.
     pub hidden: f64,
 }
 
 impl TransferFunction {
-    /// Function of a label's voxels. Any rule that hides the label wins; otherwise the last rule for it holds.
+    /// Finds the transfer function for the voxels of a segmentation label. Any rule that hides the label wins;
+    /// otherwise the last rule for it applies.
     pub fn class_of(&self, label: u32) -> LabelClass {
         let is_hidden = |rule: &LabelRule| rule.visibility == LabelVisibility::Hidden;
         let is_for = |rule: &LabelRule| rule.labels.contains(&label);
@@ -41,7 +45,7 @@ impl TransferFunction {
         LabelClass::Function(self.rules[..end].iter().filter(|rule| !is_hidden(rule)).count())
     }
 
-    /// This function, and those of its rules in their order.
+    /// Returns this transfer function, and then those of its label rules in their order.
     pub fn functions(&self) -> impl Iterator<Item = &Self> {
         let others = self.rules.iter().filter_map(|rule| match &rule.visibility {
             LabelVisibility::Visible(tf) => Some(&**tf),
@@ -50,12 +54,12 @@ impl TransferFunction {
         std::iter::once(self).chain(others)
     }
 
-    /// Element of [`Self::functions`] by its index.
+    /// Returns the transfer function at an index of [`Self::functions`].
     pub fn function(&self, index: usize) -> &Self {
         self.functions().nth(index).unwrap_or(self)
     }
 
-    /// Rules with every function changed.
+    /// Returns the label rules with a change applied to each of their transfer functions.
     pub(super) fn with_each(&self, change: impl Fn(&Self) -> Self) -> Vec<LabelRule> {
         let mut rules = self.rules.clone();
         for rule in &mut rules {
@@ -66,7 +70,8 @@ impl TransferFunction {
         rules
     }
 
-    /// Combines all functions on one axis, for a volume whose values lie in `[low, high]`.
+    /// Combines this transfer function and those of its label rules on one value axis, for a volume with values in
+    /// `[low, high]`.
     ///
     /// # Errors
     /// Functions have different quantities or reference lengths, or are too many.

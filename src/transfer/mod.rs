@@ -1,5 +1,5 @@
-//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value, with rules for labels of a
-//! segmentation and clip planes.
+//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of a volume's scalar value, with rules
+//! for segmentation labels and clip planes.
 
 mod change;
 mod clip;
@@ -17,73 +17,75 @@ pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
 pub(crate) use tables::extinction_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
-/// Quantity that a file gives, which is interpolated linearly between points.
+/// Quantity that a transfer function stores at its points and interpolates linearly: opacity or extinction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Opacity in `[0, 1]` per reference length.
+    /// Transfer function stores opacity in `[0, 1]` per reference length.
     Opacity,
-    /// Extinction in 1/mm.
+    /// Transfer function stores extinction in 1/mm.
     Extinction,
 }
 
-/// Largest opacity, just below 1, at which extinction would be infinite.
+/// Largest opacity of a transfer function, just below 1, where extinction would be infinite.
 pub const MAX_OPACITY: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// Control point.
+/// Control point of a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlPoint {
-    /// Scalar value, in the volume's scaled units (HU for CT).
+    /// Scalar value of the control point, in the volume's scaled units (HU for CT).
     pub value: f64,
-    /// Opacity or extinction, according to [`TransferFunction::quantity`].
+    /// Opacity or extinction at the control point, according to [`TransferFunction::quantity`].
     pub amount: f64,
-    /// Linear RGB.
+    /// Colour at the control point, linear RGB.
     pub color: [f64; 3],
 }
 
-/// Piecewise-linear transfer function with jumps (two points of one value: the earlier holds below the value,
-/// the later from it on), constant beyond the first and the last point.
+/// Transfer function: piecewise linear between its points, constant before the first and after the last. Two points
+/// of equal value are a jump: the earlier holds below the value, the later from it on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferFunction {
-    /// Name for display.
+    /// Name of the transfer function for display.
     pub name: String,
-    /// Unit of `value`, e.g. `HU`.
+    /// Unit of the transfer function's scalar values, e.g. `HU`.
     pub units: String,
-    /// Length to which an opacity refers, mm.
+    /// Length to which the transfer function's opacities refer, mm.
     pub reference_length_mm: f64,
-    /// Quantity of the points.
+    /// Quantity that the transfer function's points store: opacity or extinction.
     pub quantity: Quantity,
-    /// Points by non-decreasing value: at least one, at most two of one value.
+    /// Control points of the transfer function by non-decreasing value: at least one, at most two of equal value.
     pub points: Vec<ControlPoint>,
-    /// Rules for labels of a segmentation; files hold neither these nor `clip`.
+    /// Rules of the transfer function for segmentation labels. Files store neither rules nor clip planes.
     pub rules: Vec<LabelRule>,
-    /// Planes that cut away parts of the volume, at most [`MOST_CLIP_PLANES`].
+    /// Clip planes that cut away parts of the volume, at most [`MOST_CLIP_PLANES`].
     pub clip: Vec<ClipPlane>,
 }
 
-/// Visibility of the voxels of some labels.
+/// Visibility of the voxels of some segmentation labels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LabelVisibility {
-    /// The voxels have no extinction.
+    /// Voxels of the labels are hidden: they have no extinction.
     Hidden,
-    /// The voxels have another function, whose own rules are ignored.
+    /// Voxels of the labels have their own transfer function, whose label rules are ignored.
     Visible(Box<TransferFunction>),
 }
 
-/// Rule that replaces the transfer function for some labels.
+/// Rule that replaces the transfer function for some segmentation labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelRule {
-    /// Labels of the segmentation.
+    /// Segmentation labels to which the rule applies.
     pub labels: Vec<u32>,
-    /// Visibility of their voxels.
+    /// Visibility of the voxels with the rule's segmentation labels.
     pub visibility: LabelVisibility,
 }
 
-/// Number of values at which [`TransferFunction::leaves_extinction`] tests a function, and its tolerance.
+/// Number of scalar values at which [`TransferFunction::leaves_extinction`] tests a transfer function, and its
+/// tolerance.
 const TESTED_VALUES: u32 = 64;
 const SAME_EXTINCTION: f64 = 1e-4;
 
 impl TransferFunction {
-    /// White function through points of value and amount, by non-decreasing value; opacities are per mm. Name and units are empty.
+    /// Creates a white transfer function through points of scalar value and amount, by non-decreasing value.
+    /// Opacities are per mm; name and units are empty.
     pub fn new(quantity: Quantity, points: &[(f64, f64)]) -> Self {
         let white = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
         Self {
@@ -97,18 +99,18 @@ impl TransferFunction {
         }
     }
 
-    /// Opacity or extinction at a value, according to [`Self::quantity`].
+    /// Opacity or extinction of the transfer function at a scalar value, according to [`Self::quantity`].
     pub fn amount(&self, value: f64) -> f64 {
         self.interpolate(value, |p| p.amount)
     }
 
-    /// Extinction in 1/mm at a value.
+    /// Extinction of the transfer function at a scalar value, 1/mm.
     pub fn extinction(&self, value: f64) -> f64 {
         self.extinction_of_amount(self.amount(value))
     }
 
-    /// Extinction in 1/mm of a given opacity or extinction:
-    /// `-ln(1 - min(opacity, 1 - 2^-24)) / reference_length_mm`.
+    /// Converts an opacity or extinction of the transfer function to extinction in 1/mm. For opacity it is `-ln(1 -
+    /// min(opacity, 1 - 2^-24)) / reference_length_mm`.
     pub fn extinction_of_amount(&self, amount: f64) -> f64 {
         match self.quantity {
             Quantity::Opacity => -(-amount.min(MAX_OPACITY)).ln_1p() / self.reference_length_mm,
@@ -116,27 +118,28 @@ impl TransferFunction {
         }
     }
 
-    /// Whether values from 0 to `largest` are used as extinction in 1/mm unchanged, up to rounding.
+    /// Whether the transfer function uses scalar values from 0 to `largest` as extinction in 1/mm unchanged, up to
+    /// rounding.
     pub fn leaves_extinction(&self, largest: f64) -> bool {
         let value = |i: u32| largest * f64::from(i) / f64::from(TESTED_VALUES);
         (0..=TESTED_VALUES).map(value).all(|v| (self.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
     }
 
-    /// Linear RGB at a value.
+    /// Colour of the transfer function at a scalar value, linear RGB.
     pub fn color(&self, value: f64) -> [f64; 3] {
         std::array::from_fn(|c| self.interpolate(value, |p| p.color[c]))
     }
 
-    /// Largest extinction over the values `[min, max]`, 1/mm. Both sides of a jump at `min` count, since rounding may move an
-    /// interpolated value just below it.
+    /// Largest extinction of the transfer function over the values `[min, max]`, 1/mm. Both sides of a jump at `min`
+    /// count, since rounding may move an interpolated value just below it.
     pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
         let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
         let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
         self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
     }
 
-    /// Linear RGB of all values with extinction, if it is the same for all. Conservative: a point counts where it or
-    /// a neighbour has extinction.
+    /// Returns the colour (linear RGB) that all values with extinction share; `None` if they differ. It is
+    /// conservative: a point counts if it or a neighbour has extinction.
     pub fn one_color(&self) -> Option<[f64; 3]> {
         let positive = |i: usize| self.points.get(i).is_some_and(|p| p.amount > 0.0);
         let counts = |i: usize| positive(i) || positive(i + 1) || (i > 0 && positive(i - 1));
@@ -145,25 +148,25 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
-    /// Whether both functions agree apart from label rules and clip planes.
+    /// Whether two transfer functions are equal apart from label rules and clip planes.
     pub fn is_same_function(&self, other: &Self) -> bool {
         Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self.clone() } == *other
     }
 
-    /// Multiplies the extinction by `factor` at every value.
+    /// Multiplies the extinction of the transfer function by `factor` at every value.
     #[must_use]
     pub fn scale_extinction(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
         scaled.rules = self.with_each(|tf| tf.scale_extinction(factor));
         match self.quantity {
-            // Opacities over a shorter length: their interpolation does not change.
+            // Only the reference length changes, so that the interpolation of opacities stays the same.
             Quantity::Opacity => scaled.reference_length_mm /= factor,
             Quantity::Extinction => scaled.points.iter_mut().for_each(|p| p.amount *= factor),
         }
         scaled
     }
 
-    /// Maps the values of all points by an increasing function, e.g. to other units.
+    /// Maps the scalar values of all points of the transfer function by an increasing function, e.g. to other units.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
         let moved =
@@ -172,7 +175,7 @@ impl TransferFunction {
         Self { points: moved(self), rules, ..self.clone() }
     }
 
-    /// Distinct values of the points, ascending.
+    /// Distinct scalar values of the transfer function's points, ascending.
     fn point_values(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.points.iter().map(|p| p.value).collect();
         values.dedup();

@@ -1,33 +1,37 @@
-//! Pre-compressed table of breakpoints between two values, used by the light march (Hadwiger et al. 2006, 3.2).
+//! Precomputed table of the transfer function's breakpoints between two values, for the light march that builds deep
+//! shadow maps (Hadwiger et al. 2006, 3.2).
 //!
-//! Deviation: an entry stores the *value* at which visibility bends, not a depth, so that the march can place the node
-//! exactly between any two samples of the pair's bins. The table's resolution decides which nodes exist, never where
-//! they lie. No breakpoint is lost: an entry that cannot hold all of them is marked, and the march searches.
+//! Deviation: an entry stores the *value* at which visibility bends, not a depth, so that the march can place the
+//! node exactly between any two samples of the pair's bins. The table's resolution decides which nodes exist, never
+//! where they lie. No breakpoint is lost: an entry that cannot hold all of them is marked, and the march searches.
 
 use super::tables::{FAR, binned_range, breaks, intervals};
 use super::{TexelMapping, TransferFunction};
 use rayon::prelude::*;
 
-/// Bins along each side of the table, over the range of values of the intervals' bins.
+/// Number of bins along each side of the breakpoint table. They span the range between the first and the last
+/// breakpoint.
 pub const PAIR_BINS: usize = 256;
-/// Marks an unused place of an entry.
+/// Marks an unused slot in an entry of the breakpoint table.
 const NO_NODE: u16 = 0xffff;
-/// Marks, in the last place, an entry that cannot hold all nodes.
+/// Marks, in its last slot, an entry of the breakpoint table that cannot store all breakpoints.
 pub const MORE_NODES: u16 = 0xfffe;
-/// Share of a bin by which float32 rounding may move a value into the next bin.
+/// Fraction of a bin by which float32 rounding may move a value into the next bin.
 const BIN_ROUNDING: f64 = 1e-3;
 
-/// Table of the breakpoints of visibility between two values.
+/// Table of the transfer function's breakpoints between each two values, where a ray's visibility curve bends.
 #[derive(Debug, Clone)]
 pub struct PairTable {
-    /// `PAIR_BINS^2` entries of four interval indices (u16, first in the low half of the first word).
+    /// Table of `PAIR_BINS^2` entries, each with up to four indices of transfer-function intervals (u16, the first in
+    /// the low half of the first word). Each index is a breakpoint between the two values.
     pub nodes: Vec<[u32; 2]>,
-    /// Whether some entry cannot hold all breakpoints, so that the march must search for them.
+    /// Whether some entry of the breakpoint table cannot store all breakpoints, so that the light march must search
+    /// for them.
     pub many_breakpoints: bool,
 }
 
 impl PairTable {
-    /// Builds the table of a function over texel values.
+    /// Builds the breakpoint table of a transfer function over texel values.
     pub fn build(tf: &TransferFunction, mapping: TexelMapping) -> Self {
         let breaks = breaks(&intervals(tf, mapping));
         let nodes = pair_nodes(&breaks);
@@ -35,7 +39,7 @@ impl PairTable {
         Self { nodes, many_breakpoints }
     }
 
-    /// Bytes on the device.
+    /// Size of the breakpoint table on the device, bytes.
     pub fn bytes(&self) -> u64 {
         size_of_val(&self.nodes[..]) as u64
     }

@@ -1,26 +1,26 @@
-//! Built-in transfer functions.
+//! Built-in transfer functions (presets).
 
 use super::TransferFunction;
 
-/// Meaning of a preset's values, which decides how they are scaled.
+/// Meaning of a preset's scalar values, which decides how the preset is scaled to a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Hounsfield units. For a volume in other units -1000 to 800 HU are mapped to its value range.
+    /// Preset values are Hounsfield units. For a volume in other units -1000 to 800 HU are mapped to its value range.
     Hounsfield,
-    /// Fractions: 0 and 1 are mapped to the smallest and largest value of the volume.
+    /// Preset values are fractions: 0 and 1 are mapped to the smallest and largest value of the volume.
     Fraction,
-    /// Extinction in 1/mm, the values of voxelised strands; the ramp extends to the largest.
+    /// Preset values are extinction in 1/mm, as in voxelised strands; the ramp ends at the volume's largest value.
     Extinction,
 }
 
-/// Built-in transfer function.
+/// Built-in transfer function (preset).
 #[derive(Debug, Clone, Copy)]
 pub struct Preset {
-    /// Name on the command line.
+    /// Name of the transfer-function preset on the command line.
     pub name: &'static str,
-    /// Description in one line.
+    /// Description of the transfer-function preset in one line.
     pub about: &'static str,
-    /// Meaning of the values.
+    /// Meaning of the preset's scalar values: HU, fractions or extinction.
     pub scale: Scale,
     json: &'static str,
 }
@@ -36,7 +36,7 @@ macro_rules! preset {
     };
 }
 
-/// All presets.
+/// List of all built-in transfer functions (presets).
 pub const PRESETS: &[Preset] = &[
     preset!("ct", Hounsfield, "bone in translucent soft tissue; the default for HU with air in it"),
     preset!("bone", Hounsfield, "bone, teeth, calcification from 150 HU; the default for HU without air"),
@@ -53,7 +53,7 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// Transfer function in the preset's own units.
+    /// Returns the preset's transfer function in its own units.
     pub fn transfer_function(&self) -> TransferFunction {
         TransferFunction::from_json(self.json).expect("a test reads every preset")
     }

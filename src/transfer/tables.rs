@@ -1,68 +1,71 @@
-//! Device tables of a transfer function over texel values, the numbers in the volume texture.
+//! Device tables of a transfer function over texel values, the numbers stored in the volume texture.
 //!
 //! * `intervals`: the function itself, piecewise linear, for exact evaluation.
-//! * `integrals`: extinction, and extinction times colour, integrated over the value (pre-integration, Engel et al. 2001
-//!   as cited by Hadwiger et al. 2006, 3.2). Their differences never miss a peak between two samples.
+//! * `integrals`: extinction, and extinction times colour, integrated over the value (pre-integration, Engel et al.
+//!   2001 as cited by Hadwiger et al. 2006, 3.2). Their differences never miss a peak between two samples.
 
 use super::{Quantity, TransferFunction};
 use rayon::prelude::*;
 
-/// Number of bins of the value axis for finding an interval.
+/// Number of bins of the value axis that find the transfer-function interval of a texel value.
 pub const VALUE_BINS: usize = 1024;
-/// Number of bins of the integrals.
+/// Number of bins of the table of integrated extinction and colour.
 pub const TABLE_BINS: usize = 4096;
-/// Largest number of intervals on the device; a transfer function may have two points fewer.
+/// Largest number of linear intervals of a transfer function on the device. A function of `n` points has at most `n +
+/// 1` intervals.
 pub const MAX_INTERVALS: usize = 1024;
-/// Finite stand-in for infinity on the device.
+/// Large finite number that replaces infinity on the device.
 pub(super) const FAR: f64 = 1e30;
 
-/// Mapping from texel values to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
+/// Linear mapping from texel values to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelMapping {
-    /// Change of the value for each unit of the texel value.
+    /// Change of the volume's scaled value for each unit of the texel value.
     pub scale: f64,
-    /// Value of texel value 0.
+    /// Scaled value of the volume at texel value 0.
     pub offset: f64,
 }
 
 impl TexelMapping {
-    /// Scaled value of a texel value.
+    /// Converts a texel value to the volume's scaled value.
     pub fn value_from_texel(&self, texel: f64) -> f64 {
         texel * self.scale + self.offset
     }
 
-    /// Texel value of a scaled value.
+    /// Converts a scaled value of the volume to its texel value.
     pub fn texel_from_value(&self, value: f64) -> f64 {
         (value - self.offset) / self.scale
     }
 }
 
-/// Tables with the layouts of `shaders/field/transfer.wgsl`.
+/// Device tables of a transfer function, with the layouts of `shaders/field/transfer.wgsl`.
 #[derive(Debug, Clone)]
 pub struct TransferTables {
-    /// `[start, amount, slope, 1 - amount]` by ascending value, amounts at the start; the first covers all values below the
-    /// second. `1 - amount` is stored because the logarithm of a transmittance needs all its digits.
+    /// Linear intervals of the transfer function, `[start, amount at start, slope, 1 - amount]`, by ascending texel
+    /// value. The first covers all values below the second. `1 - amount` is stored because the logarithm of a
+    /// transmittance needs all its digits.
     pub intervals: Vec<[f32; 4]>,
-    /// Interval at the lower end of each of the [`VALUE_BINS`] bins.
+    /// Index of the transfer-function interval at the lower end of each of the [`VALUE_BINS`] value bins.
     pub interval_of_bin: Vec<u32>,
-    /// `[extinction * rgb, extinction]` integrated from the lowest texel value to each of `TABLE_BINS + 1` bin edges.
+    /// Pre-integrated transfer function: `[extinction * rgb, extinction]` integrated from the lowest texel value to
+    /// each of `TABLE_BINS + 1` bin edges.
     pub integrals: Vec<[f32; 4]>,
-    /// Extinction of each bin: its integral up to the bin, the rounding error of that in float32, the integral over the bin, and
-    /// 0. A tall peak before a bin therefore costs no precision of a small integral over it.
+    /// Integrals of extinction for each bin: up to the bin, the float32 rounding error of that sum, over the bin, and
+    /// zero. A high peak before a bin thus costs no precision of a small integral over the bin.
     pub extinction_bins: Vec<[f32; 4]>,
-    /// Texel values `<= first_value` and `>= last_value` have no extinction.
+    /// Texel value at and below which the transfer function has no extinction.
     pub first_value: f32,
-    /// Upper limit; see `first_value`.
+    /// Texel value at and above which the transfer function has no extinction.
     pub last_value: f32,
-    /// Texel value at which the first of [`VALUE_BINS`] bins begins.
+    /// Texel value at which the first of the [`VALUE_BINS`] value bins begins.
     pub bin_origin: f32,
-    /// Number of [`VALUE_BINS`] bins for each unit of the texel value.
+    /// Number of [`VALUE_BINS`] value bins for each unit of the texel value.
     pub bins_per_value: f32,
-    /// Texel value at which the first of [`TABLE_BINS`] bins begins.
+    /// Texel value at which the first of the [`TABLE_BINS`] integral bins begins.
     pub table_origin: f32,
-    /// Number of [`TABLE_BINS`] bins for each unit of the texel value.
+    /// Number of [`TABLE_BINS`] integral bins for each unit of the texel value.
     pub table_per_value: f32,
-    /// 1/mm where opacity is given, 0 where extinction is.
+    /// Reciprocal of the transfer function's reference length, 1/mm, if it stores opacity; 0 if it stores extinction.
     pub inv_reference_length: f32,
 }
 
@@ -74,19 +77,19 @@ pub(super) struct Interval {
     pub slope: f64,
 }
 
-/// Start and total width of the bins of values: from the first breakpoint to the last.
+/// Start and total width of the value bins, which reach from the transfer function's first breakpoint to the last.
 pub(super) fn binned_range(breaks: &[f64]) -> (f64, f64) {
     let (first, last) = (breaks.first().copied().unwrap_or(0.0), breaks.last().copied().unwrap_or(0.0));
     (first, if last > first { (last - first) * (1.0 + 1e-6) } else { 1.0 })
 }
 
-/// Texel values at which one interval ends and the next starts.
+/// Texel values of the breakpoints, where one transfer-function interval ends and the next starts.
 pub(super) fn breaks(intervals: &[Interval]) -> Vec<f64> {
     intervals.iter().skip(1).map(|i| i.start).collect()
 }
 
 impl TransferTables {
-    /// Builds tables for texel values in `texel_range`.
+    /// Builds the device tables of a transfer function for texel values in `texel_range`.
     pub fn build(tf: &TransferFunction, mapping: TexelMapping, texel_range: [f64; 2]) -> Self {
         let intervals = intervals(tf, mapping);
         let breaks = breaks(&intervals);
@@ -124,7 +127,8 @@ impl TransferTables {
         }
     }
 
-    /// Bytes on the device; functions of one colour need no integrals of it.
+    /// Size of the transfer function's tables on the device, bytes. Functions of one colour need no integrals of
+    /// colour.
     pub fn bytes(&self, one_color: bool) -> u64 {
         let colors = if one_color { 0 } else { size_of_val(&self.integrals[..]) };
         let intervals = size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]);
@@ -159,11 +163,12 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
     list
 }
 
-/// Tolerance, relative to an amount and to 1 minus it, within which a point on the line of its neighbours is redundant. It is far
-/// below float32 precision.
+/// Tolerance within which a transfer-function point on the line of its neighbours is redundant, relative to the
+/// amount and to 1 minus it. It is far below float32 precision.
 const REDUNDANT: f64 = 1e-8;
 
-/// Merges intervals whose common points lie on one line, which occur in functions that list every value.
+/// Merges neighbouring intervals of a transfer function that lie on one line. They occur in functions that list every
+/// value.
 fn merged(list: Vec<Interval>) -> Vec<Interval> {
     let mut merged: Vec<Interval> = Vec::with_capacity(list.len());
     // Values and amounts of the points within the last interval.
@@ -201,7 +206,8 @@ fn merged(list: Vec<Interval>) -> Vec<Interval> {
     merged
 }
 
-/// Texel values `first` and `last`: there is no extinction at values `<= first` and `>= last`.
+/// Returns texel values `first` and `last`: the transfer function has no extinction at values `<= first` and `>=
+/// last`.
 pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     let n = tf.points.len();
     let positive = |i: usize| tf.points[i].amount > 0.0;
@@ -221,7 +227,7 @@ pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> 
     (first, last)
 }
 
-/// Integrals of extinction times colour, and of extinction, over each bin.
+/// Integrates extinction times colour, and extinction, over each table bin.
 fn bins(
     tf: &TransferFunction,
     mapping: TexelMapping,
@@ -258,7 +264,7 @@ fn bins(
     (0..TABLE_BINS).into_par_iter().map(bin).collect()
 }
 
-/// Prefix sums of the bins at each edge.
+/// Sums the integrals of extinction and colour over the table's bins up to each bin edge.
 fn integrals(bins: &[[f64; 4]]) -> Vec<[f32; 4]> {
     let mut total = [0.0f64; 4];
     let mut list = vec![[0.0f32; 4]];

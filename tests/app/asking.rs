@@ -1,4 +1,5 @@
-//! Path prompts and windows over the view: Enter confirms, Escape closes the topmost; the probe describes error bounds.
+//! Path prompts and floating windows over the view: Enter confirms, Escape closes the topmost one; the probe
+//! describes error bounds.
 
 use super::Bench;
 use eframe::egui::{Key, vec2};
@@ -147,7 +148,7 @@ fn escape_closes_only_the_topmost() {
     bench.click_at(center);
     bench.wait_for("an answer", |app| app.model.probe.is_some());
     bench.press(Key::F1);
-    // In a corner that the list of keys does not cover.
+    // Drag to a corner that the list of keys does not cover.
     let probe = bench.harness.get_by_label("Probe").rect().left_top() + vec2(60.0, 12.0);
     bench.click_at(probe);
     bench.harness.run_steps(2);
@@ -200,7 +201,7 @@ fn shading_is_off_by_default() {
     bench.settle();
     let document = bench.app().model.document.clone().unwrap();
     assert_eq!(document.scene.shading, Shading::None);
-    // As the command line, which reads the same scene.
+    // The window gives the same scene as the command line, which reads the same file.
     let read = SceneRequest::from_toml(&document.scene_text("ct").unwrap()).unwrap().settings;
     assert!(matches!(read.shading, None | Some(Shading::None)));
 }

@@ -1,4 +1,4 @@
-//! The table of several methods, made beside the window.
+//! Comparison table of several shadow methods, measured beside the window.
 
 use super::Bench;
 use eframe::egui::{self, Modifiers};
@@ -12,7 +12,8 @@ use umbravox::report::number::significant;
 use umbravox::shadow::METHODS;
 
 impl Bench {
-    /// Opens the comparison, and asks for little: small pictures, few points and rays, of the families named.
+    /// Opens the comparison window with a small task: small pictures, few points and rays, only the named method
+    /// families.
     pub fn ask_for_little(&mut self, folder: &Path, families: &[(&str, &str)], repeats: &str) {
         self.harness.key_press(egui::Key::T);
         self.harness.step();
@@ -30,7 +31,7 @@ impl Bench {
         self.type_into("table folder", folder.to_str().unwrap());
     }
 
-    /// Types a value into a field that is dragged or typed.
+    /// Types a value into a number field.
     fn type_number(&mut self, label: &str, text: &str) {
         self.click(label);
         self.harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
@@ -47,12 +48,12 @@ impl Bench {
     }
 }
 
-/// Two families of few rows.
+/// Two method families with few rows.
 pub fn little() -> [(&'static str, &'static str); 2] {
     [("none", "none"), ("dsm", "dsm:map=64,epsilon=0.1,0.05,prefilter=5,precompress=table")]
 }
 
-/// The rows of `compare.csv`.
+/// Reads the rows of `compare.csv`.
 fn csv_rows(folder: &Path) -> Vec<Row> {
     let mut reader = csv::Reader::from_path(folder.join("compare.csv")).unwrap();
     let rows = reader.deserialize::<BTreeMap<String, String>>();
@@ -65,7 +66,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=dsm:map=64"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("made/for it");
-    // What is compared is what was shown at the start.
+    // The comparison uses the scene that was shown at the start.
     let scene = bench.app().model.document.as_ref().unwrap().scene.clone();
     bench.ask_for_little(&folder, &[("none", "none"), ("dsm", "dsm:map=64,epsilon=0.1,0.05")], "2");
     assert!(bench.shows("3 rows"));
@@ -73,7 +74,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
     assert_eq!(bench.app().windows.comparison.share(), Some(0.0));
     bench.wait_for("a step", |app| app.windows.comparison.share().is_none_or(|share| share > 0.0));
     bench.harness.get_by_label("comparison progress");
-    // The window goes on meanwhile.
+    // The window stays usable while the comparison runs.
     bench.app().model.look_from(2);
     bench.wait_for("a row", |app| !app.windows.comparison.rows().is_empty());
     bench.wait_for("the table", |app| app.windows.comparison.outcome().is_some());
@@ -101,7 +102,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
     assert!(text.contains(&format!("{:.4}, {:.4}, {:.4}", eye.x, eye.y, eye.z)), "the camera of the start");
     assert!(bench.shows(report.to_str().unwrap()));
 
-    // Figures stand under their headings, to the right edge.
+    // Numbers are right-aligned under their headings.
     for (heading, value) in [("point_err_rms", rows[2].point_err_rms), ("frame_ms", rows[2].frame_ms)] {
         let above = bench.harness.get_by_label(&format!("sort by {heading}")).rect();
         let text = significant(value.unwrap(), 3);
@@ -110,7 +111,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
             |r: &egui::Rect| r.top() > above.bottom() - 1.0 && (r.right() - above.right()).abs() < 1.5;
         assert!(figures.iter().any(under), "{heading} {above}: {text} {figures:?}");
     }
-    // The report is opened by the system; where it does not, the path is said.
+    // The system opens the report; if it cannot, a message names the path.
     bench.app().windows.comparison.opener = Some(|_| Err(std::io::Error::other("no browser is here")));
     bench.click("Open report");
     let said = format!("cannot open the report ({}): no browser is here", report.display());
@@ -131,7 +132,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
     bench.harness.run_steps(3);
     assert!(!bench.shows("cannot open the report"));
 
-    // A row goes into the shadows panel; with Shift it is the second method.
+    // A click puts a row's method into the shadows panel; with Shift it becomes the second method.
     bench.settle();
     bench.click("epsilon=0.05");
     bench.settle();
@@ -156,7 +157,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
     let specs = (frame.main.spec.as_str(), frame.other.as_ref().unwrap().spec.as_str());
     assert_eq!(specs, ("dsm:epsilon=0.05,map=64", "dsm:epsilon=0.1,map=64"));
 
-    // Headings sort: the widget of the worst row is above the others, then below.
+    // Headings sort the table: the worst row is at the top, then at the bottom.
     let worst = rows.iter().max_by(|a, b| a.point_err_rms.partial_cmp(&b.point_err_rms).unwrap()).unwrap();
     assert_eq!(worst.method, "none");
     let top = |bench: &Bench, label: &str| bench.harness.get_by_label(label).rect().top();
@@ -165,7 +166,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
         assert!(top(&bench, first) < top(&bench, second), "{clicks}");
     }
 
-    // All of it is there already: going on measures nothing anew, and gives the very same rows.
+    // The table is complete: resuming measures nothing and gives the same rows.
     let journal = std::fs::read(folder.join(JOURNAL)).unwrap();
     bench.app().model.document.as_mut().unwrap().scene = scene;
     bench.settle();
@@ -179,7 +180,7 @@ fn a_comparison_fills_the_table_and_its_folder() {
 fn a_cancelled_comparison_resumes_from_its_journal() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
-    // More rounds than anyone waits for.
+    // More rounds than the test waits for.
     bench.ask_for_little(dir.path(), &[("none", "none"), ("dsm", "dsm:map=64")], "1000");
     bench.click("Start");
     let lines = || std::fs::read_to_string(dir.path().join(JOURNAL)).unwrap_or_default().lines().count();
@@ -198,7 +199,7 @@ fn a_cancelled_comparison_resumes_from_its_journal() {
     let known = |n: String| begun.contains(&n.as_str()) || n.starts_with("picture_");
     assert!(names.into_iter().all(known), "no half-written file");
 
-    // As many rounds as there are: the rows are taken as they are.
+    // With as many rounds as are recorded, the recorded rows are used.
     let kept = lines();
     bench.click("What to compare");
     while bench.harness.query_by_label("table repeats").is_none() {
@@ -230,7 +231,7 @@ fn bad_settings_and_folders_show_errors_beside_their_fields() {
     assert!(bench.shows("the settings of `dsm` belong here"));
     bench.type_into("settings of dsm", "dsm:map=32");
     assert!(bench.shows("2 rows"));
-    // A folder that is a file.
+    // An output folder that is a file is refused.
     bench.click("Start");
     assert!(bench.app().windows.comparison.share().is_none());
     assert!(bench.shows("is not a folder"));

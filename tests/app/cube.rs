@@ -1,4 +1,4 @@
-//! Orientation cube.
+//! Orientation cube in the corner of the view.
 
 use super::Bench;
 use eframe::egui::{Key, Modifiers, Pos2, vec2};
@@ -15,7 +15,7 @@ fn camera(bench: &mut Bench) -> Camera {
     bench.app().model.document.as_ref().unwrap().scene.camera
 }
 
-/// From the target to the eye.
+/// Unit vector from the camera's target to the eye.
 fn away(camera: &Camera) -> glam::DVec3 {
     (camera.eye - camera.target).normalize()
 }
@@ -35,7 +35,7 @@ fn a_click_looks_from_a_face_and_a_drag_rotates() {
     assert!((away(&front) - nearest.unwrap().away).length() < 1e-12);
     assert!((front.eye.distance(front.target) - before.eye.distance(before.target)).abs() < 1e-9);
     assert!(bench.app().model.probe.is_none(), "the view behind it was not clicked");
-    // The front face is that of the view; its right edge is half way to the next.
+    // The front face belongs to the present view; its right edge is half way to the next view.
     for (i, view) in AXIS_VIEWS.iter().enumerate() {
         bench.app().model.look_from(i);
         bench.harness.run_steps(2);

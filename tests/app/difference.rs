@@ -1,4 +1,4 @@
-//! Heat maps of the error.
+//! Heat maps of the error of two shadow methods.
 
 use super::Bench;
 use eframe::egui::Key;
@@ -32,7 +32,7 @@ fn heat_maps_follow_methods_and_lights() {
     // Nothing is visible beside the sphere.
     assert!(found.sides[0].map.errors[[2, 2]].is_nan());
 
-    // Another light needs another exact picture; the old one disappears at once.
+    // A changed light needs a new exact picture; the old one disappears at once.
     let before = none;
     bench.app().model.document.as_mut().unwrap().scene.lights = vec![
         umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() }.into(),
@@ -44,7 +44,7 @@ fn heat_maps_follow_methods_and_lights() {
     let after = bench.app().difference.found.as_ref().unwrap().sides[1].map.stats.unwrap();
     assert_ne!(before.rms, after.rms);
 
-    // Another method is compared with the same exact picture.
+    // A changed method is compared with the same exact picture.
     let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().request.view);
     bench.harness.key_press(Key::X);
     bench.settle();

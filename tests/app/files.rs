@@ -1,4 +1,4 @@
-//! Input and output files: unreadable files, scenes of the command line, pictures.
+//! Input and output files of the window: unreadable files, scenes of the command line, pictures.
 
 use super::Bench;
 use ndarray::Array3;
@@ -156,7 +156,7 @@ fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
 #[test]
 fn degenerate_volumes_open_and_can_be_edited() {
     let dir = tempfile::tempdir().unwrap();
-    // One voxel, one value, non-finite values.
+    // Volumes of one voxel, of one value, and with non-finite values.
     let one = dir.path().join("one.raw");
     std::fs::write(&one, [7_u8]).unwrap();
     let Some(mut bench) = Bench::open(&[one.to_str().unwrap(), "--raw=1x1x1:u8"]) else { return };

@@ -1,4 +1,4 @@
-//! Loss of the graphics device.
+//! Loss of the graphics device while the window is open.
 
 use super::Bench;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ fn a_lost_device_is_replaced_and_the_scene_continues() {
     let start = Instant::now();
     while bench.app().model.lost().is_none() {
         let _ = bench.device.poll(eframe::wgpu::PollType::Poll);
-        // Input during the loss is ignored.
+        // Input while the device is lost is ignored.
         bench.app().model.look_from(1);
         bench.harness.step();
         assert!(start.elapsed() < super::PATIENCE);

@@ -1,4 +1,4 @@
-//! Window tests on the real renderer without a native window: input is injected as events.
+//! Tests of the window on the real renderer without a native window: input is injected as events.
 #![cfg(feature = "gui")]
 
 mod asking;
@@ -25,13 +25,13 @@ use umbravox::app::{App, OpenMode, Purpose, Settings};
 use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
-/// Long enough for a busy machine without a GPU.
+/// Time limit for waiting, long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Size of the window, points.
 pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
-/// An open window without a screen, and the device that its pictures are on.
+/// Window without a screen under test, with the device that draws its pictures.
 pub struct Bench {
     pub harness: Harness<'static, App>,
     pub device: eframe::wgpu::Device,
@@ -39,7 +39,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Opens a command line of `view`; `None`, visibly, where there is no adapter.
+    /// Opens a command line of `view`; `None` and a printed line if there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
         let settings = scene_args(line).into_request().unwrap().settings;
@@ -62,7 +62,7 @@ impl Bench {
         self.harness.state_mut()
     }
 
-    /// Opens the prompt for a picture.
+    /// Opens the prompt for exporting a picture.
     pub fn ask_export(&mut self) {
         let App { model, windows, .. } = self.app();
         windows.prompt.ask(model, Purpose::ExportPicture);
@@ -75,7 +75,7 @@ impl Bench {
         self.harness.run_steps(3);
     }
 
-    /// Steps until the picture is final and current.
+    /// Steps the window until the picture is final and current.
     pub fn settle(&mut self) {
         let start = Instant::now();
         self.harness.step();
@@ -92,7 +92,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// Steps until `done`; `what` names a timeout.
+    /// Steps the window until `done`; `what` names the wait if it times out.
     pub fn wait_for(&mut self, what: &str, done: impl Fn(&App) -> bool) {
         let start = Instant::now();
         while !done(self.harness.state()) {
@@ -104,7 +104,7 @@ impl Bench {
         self.harness.run_steps(2);
     }
 
-    /// Drags over several frames.
+    /// Drags the pointer over several frames.
     pub fn drag(&mut self, from: Pos2, to: Pos2, modifiers: Modifiers) {
         let button =
             |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
@@ -122,7 +122,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// Clicks at a position.
+    /// Clicks at a position in the window.
     pub fn click_at(&mut self, pos: Pos2) {
         let modifiers = Modifiers::NONE;
         self.harness.event(Event::PointerMoved(pos));
@@ -191,7 +191,7 @@ impl Bench {
     }
 }
 
-/// The shared flags of a command line.
+/// Parses the shared flags of a command line.
 pub fn scene_args(line: &[&str]) -> SceneArgs {
     use clap::Parser;
     #[derive(Parser)]
@@ -202,7 +202,7 @@ pub fn scene_args(line: &[&str]) -> SceneArgs {
     Line::try_parse_from([&["test"], line].concat()).unwrap().scene
 }
 
-/// Mean of the colour channels' codes.
+/// Mean of the codes of all colour channels.
 pub fn brightness(pixels: &[u8]) -> f64 {
     let sum: u64 = pixels.chunks(4).map(|p| p[..3].iter().map(|c| u64::from(*c)).sum::<u64>()).sum();
     sum as f64 / (pixels.len() as f64 * 0.75)

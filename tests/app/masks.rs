@@ -1,4 +1,4 @@
-//! Visible regions of a volume: clip planes with handles, and labels of a segmentation.
+//! Masking of a volume in the window: clip planes with handles, and labels of a segmentation.
 
 use super::Bench;
 use eframe::egui::{Modifiers, vec2};
@@ -65,7 +65,7 @@ fn a_clip_plane_is_added_dragged_and_undone() {
     assert!(bench.app().model.document.as_ref().unwrap().tf.clip.is_empty());
 }
 
-/// Labels 0, 1 and 3 on the grid of the chest of 32 voxels.
+/// Writes a segmentation with labels 0, 1 and 3 on the grid of the thorax phantom of 32 voxels.
 pub fn write_labels(file: &Path) {
     let scan = load(&VolumeSpec::new("phantom:thorax:32")).unwrap();
     let [nx, ny, nz] = scan.dims();

@@ -1,4 +1,4 @@
-//! Opening of volumes: dropped files, progress and cancellation.
+//! Opening of volumes in the window: dropped files, progress and cancellation.
 
 use super::Bench;
 use eframe::egui;

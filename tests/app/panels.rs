@@ -1,4 +1,4 @@
-//! Panels: strands, flicker, and that nothing is cut at their edges.
+//! Side panels of the window: strands, flicker, and that nothing is cut at their edges.
 
 use super::Bench;
 use eframe::egui::{self, Modifiers, vec2};
@@ -147,7 +147,7 @@ fn flicker_alternates_two_pictures_without_drawing() {
     assert!(bench.app().model.split.share.is_some());
 }
 
-/// Every widget in the side panel lies within it.
+/// Asserts that every widget in the side panel lies within it.
 fn nothing_is_cut(bench: &Bench, what: &str) {
     let view = bench.harness.state().model.view.unwrap();
     let mut seen = 0;
@@ -203,7 +203,7 @@ fn overlapping_points_yield_the_one_under_the_pointer() {
     bench.click_at(left - vec2(3.0, 0.0));
     bench.harness.step();
     assert!(selected(&bench, first + 1));
-    // The selected point is preferred a little beyond the centre of the other.
+    // The selected point is picked even a little beyond the centre of the other one.
     bench.drag(right, right + vec2(0.0, 20.0), Modifiers::NONE);
     assert!(selected(&bench, first + 1));
     let tf = bench.app().model.document.clone().unwrap().tf;

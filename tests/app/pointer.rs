@@ -1,4 +1,4 @@
-//! Pointer and keyboard: drags, text input, shortcuts, undo.
+//! Pointer and keyboard in the window: drags, text input, shortcuts, undo.
 
 use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
@@ -47,14 +47,14 @@ fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
 fn an_edit_rebuilds_only_its_dependents() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let range = bench.app().model.document.as_ref().unwrap().volume.value_range();
-    // A colour needs tables, but no shadow map.
+    // A colour edit needs new tables, but no shadow map.
     let picture = bench.pixels();
     bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.settle();
     let work = bench.app().model.frame.as_ref().unwrap().work;
     assert!(work.table_ms.is_some() && work.build_ms.is_none(), "{work:?}");
     assert_ne!(bench.pixels(), picture);
-    // A point beyond every value needs nothing, not even a picture.
+    // An edit beyond all values of the volume needs nothing, not even a picture.
     bench.app().model.edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
     bench.settle();
     let (frames, unchanged) = (bench.app().model.frames, bench.app().model.unchanged);

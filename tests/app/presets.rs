@@ -1,4 +1,4 @@
-//! List of presets with thumbnails.
+//! List of transfer-function presets with thumbnails.
 
 use super::Bench;
 use umbravox::app::curve::Edit;
@@ -42,7 +42,7 @@ fn files_of_other_programs_load_and_opacity_is_rescaled_once() {
     let asked = extinction(&mut bench);
     assert!((asked / bone.extinction(800.0) - 2.0).abs() < 1e-12);
     assert!(text(&mut bench).contains("opacity-scale = 2.0"));
-    // An edited function is written as it is, and not scaled again when it is read.
+    // An edited transfer function is written unchanged, and not scaled again when it is read.
     bench.app().model.edit(Edit::Scale { factor: 3.0 });
     assert!((extinction(&mut bench) / asked - 3.0).abs() < 1e-12);
     let edited = text(&mut bench);

@@ -5,13 +5,13 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Slow enough to be refining when the next size comes.
+/// Command line of a scene slow enough to be still refining at the next resize.
 const SCENE: [&str; 4] = ["phantom:thorax:64", "--shadow=rays", "--tf=bone", "--clean"];
 const LAST: [u32; 2] = [1100, 740];
-/// Pixels that belong to the view in any layout; side panel, menus and editor show times.
+/// Pixel rectangle that belongs to the view in any layout; side panel, menus and editor show times.
 const VIEW: [u32; 4] = [0, 40, 700, 440];
 
-/// Path of the example `window_shots`, which is built here where only this test program was.
+/// Path of the example `window_shots`, which is built if only this test program was built.
 fn window_shots() -> PathBuf {
     let folder = Path::new(env!("CARGO_BIN_EXE_umbravox")).parent().unwrap().join("examples");
     let path = folder.join("window_shots");
@@ -22,7 +22,7 @@ fn window_shots() -> PathBuf {
     path
 }
 
-/// Replays a script in the window under an X server; `None`, visibly, where there is none.
+/// Replays a script in the window under an X server; `None` and a printed line if there is none.
 fn replay(script: &str, folder: &Path) -> Option<()> {
     let file = folder.join("script.txt");
     std::fs::write(&file, script).unwrap();

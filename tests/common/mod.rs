@@ -1,8 +1,9 @@
-//! Shared by all tests and benches: adapter, scans and other programs that a test needs, and the sizes of slow tests.
+//! Helpers of all tests and benches: graphics adapter, scans and other programs that a test needs, and the sizes of
+//! slow tests.
 //!
-//! A test whose requirement is missing fails. `UMBRAVOX_NO_GPU=1` and the other variables of [`Requirement`] say that it is
-//! not expected on this machine: such a test prints one line `skipped: TEST: REASON` and passes. `scripts/test.sh` counts
-//! these lines.
+//! A test whose requirement is missing fails. `UMBRAVOX_NO_GPU=1` and the other variables of [`Requirement`] say that
+//! it is not expected on this machine: such a test prints one line `skipped: TEST: REASON` and passes.
+//! `scripts/test.sh` counts these lines.
 #![allow(dead_code, reason = "each test program uses some of it")]
 
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::process::Command;
 use std::sync::{LazyLock, OnceLock};
 use umbravox::gpu::Gpu;
 
-/// Part of the machine that some tests need.
+/// Requirement that some tests have of the machine: adapter, scans, programs.
 #[derive(Debug, Clone, Copy)]
 pub enum Requirement {
     Gpu,
@@ -21,7 +22,7 @@ pub enum Requirement {
 }
 
 impl Requirement {
-    /// Variable that says that this machine has none, and where to get it.
+    /// Environment variable that marks this requirement as missing on the machine, and a hint where to get it.
     const fn variable_and_hint(self) -> (&'static str, &'static str) {
         match self {
             Self::Gpu => {
@@ -38,7 +39,7 @@ impl Requirement {
         }
     }
 
-    /// Skips the current test with a visible line.
+    /// Skips the current test with a printed line, since a requirement is missing.
     ///
     /// # Panics
     /// Unless the environment says that this machine lacks it.
@@ -52,13 +53,13 @@ impl Requirement {
     }
 }
 
-/// Says that the current test does not apply to this machine.
+/// Prints that the current test does not apply to this machine.
 pub fn skip(reason: &str) {
     let thread = std::thread::current();
     println!("skipped: {}: {reason}", thread.name().unwrap_or("a test"));
 }
 
-/// The default adapter's device; `None` and a visible line where none is expected.
+/// Opens the default adapter's device; `None` and a printed line if none is expected.
 ///
 /// # Panics
 /// An adapter that does not open; no adapter, unless `UMBRAVOX_NO_GPU=1`.
@@ -73,7 +74,7 @@ pub fn gpu() -> Option<Gpu> {
     }
 }
 
-/// Tells whether the program under test will find an adapter; see [`gpu`].
+/// Whether the program under test will find an adapter; see [`gpu`].
 pub fn has_adapter() -> bool {
     static OPENED: OnceLock<bool> = OnceLock::new();
     // Without an adapter every test reports it itself.
@@ -91,12 +92,12 @@ fn scans() -> PathBuf {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
 }
 
-/// File of a real scan, for benches that take a phantom instead.
+/// File of a real scan if it is installed, for benches that otherwise use a phantom.
 pub fn scan_if_present(name: &str) -> Option<PathBuf> {
     Some(scans().join(format!("{name}.nii.gz"))).filter(|path| path.exists())
 }
 
-/// File of a real scan; `None` and a visible line where none is expected.
+/// File of a real scan; `None` and a printed line if none is expected.
 ///
 /// # Panics
 /// A missing scan, unless `UMBRAVOX_NO_SCANS=1`.
@@ -109,12 +110,12 @@ pub fn scan(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Tells whether a program starts.
+/// Whether a program can be started.
 pub fn starts(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok()
 }
 
-/// Copies a file, or a folder with all that it holds.
+/// Copies a file, or a folder with its contents.
 pub fn copy(from: &Path, to: &Path) {
     if from.is_dir() {
         std::fs::create_dir_all(to).unwrap();
@@ -129,21 +130,21 @@ pub fn copy(from: &Path, to: &Path) {
 
 /// Sizes of the slow tests.
 pub struct Sizes {
-    /// Scenes of the search that tries to break the error bound of `dsm` and `rays`.
+    /// Number of scenes in the search for violations of the error bound of `dsm` and `rays`.
     pub bound_search_scenes: usize,
-    /// Scenes for methods without an error bound.
+    /// Number of scenes for shadow methods without an error bound.
     pub unbounded_scenes: usize,
-    /// Damaged copies of each file format's sample.
+    /// Number of damaged copies of each file format's sample.
     pub damaged_files: usize,
-    /// Window sizes in which the layout is inspected.
+    /// Number of window sizes in which the layout is inspected.
     pub window_sizes: usize,
-    /// Resizes of the real window while a picture refines.
+    /// Number of resizes of the real window while a picture refines.
     pub window_resizes: u32,
-    /// One of so many shaders is composed, validated and translated.
+    /// Stride between tested shaders: one of so many is composed, validated and translated.
     pub shader_stride: usize,
 }
 
-/// Small sizes for the desk, full ones in CI (`UMBRAVOX_TESTS=full`).
+/// Small test sizes for local runs, full ones in CI (`UMBRAVOX_TESTS=full`).
 pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
     let full = std::env::var("UMBRAVOX_TESTS").is_ok_and(|value| value == "full");
     if full {

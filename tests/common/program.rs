@@ -1,4 +1,4 @@
-//! Running the built program.
+//! Runs the built program in tests.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -12,7 +12,8 @@ pub fn umbravox(folder: &Path, args: &[&str]) -> Output {
         .expect("the program starts")
 }
 
-/// Sends a process a signal by its name. `TERM` stands for an interrupt, which a test in the background may have to ignore.
+/// Sends a process a signal by its name. `TERM` is used for an interrupt, which a test in the background may have to
+/// ignore.
 #[cfg(unix)]
 #[allow(dead_code, reason = "not every test program ends one")]
 pub fn signal(child: &std::process::Child, name: &str) {
@@ -20,7 +21,7 @@ pub fn signal(child: &std::process::Child, name: &str) {
     assert!(sent.unwrap().success());
 }
 
-/// Runs a command line that must be refused, in a folder that must stay as it is; gives the `error:` line.
+/// Runs a command line that must be refused and must not change its folder; returns the `error:` line.
 pub fn refused(folder: &Path, args: &[&str]) -> String {
     let before = names(folder);
     let output = umbravox(folder, args);

@@ -1,5 +1,5 @@
-//! The search that tries to break the promises of `dsm` and `rays`: random scenes, always the same ones (`docs/bound.md`).
-//! And the methods that promise nothing, on scenes of the kind: each ends within its time, with a transmittance.
+//! Search for random scenes that violate the error bounds of `dsm` and `rays` (`docs/bound.md`); it repeats the same
+//! scenes. Methods without an error bound must return a transmittance in time.
 
 use crate::common::{self, SIZES};
 use crate::scenes::{self as attack, Attack};
@@ -11,7 +11,7 @@ use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
 use umbravox::shadow;
 
-/// Longer than this no build and lookup may take, whatever the scene: a graphics card's driver would give up the device.
+/// Time limit of one build and query: a graphics driver would reset the device after a longer one.
 const LONGEST: Duration = Duration::from_secs(20);
 
 fn search(tries: usize, compress: &'static str) {
@@ -33,7 +33,8 @@ fn no_scene_violates_the_error_bound_with_the_fewest_nodes() {
     search(attack::setting("ATTACK_TRIES", SIZES.bound_search_scenes) / 4, "optimal");
 }
 
-/// `osm`, `dom` or `bom` with a split of its own; few other settings, since each words' shader is compiled once.
+/// Random `osm`, `dom` or `bom` method with its own split; few other settings vary, since each variant compiles a
+/// shader.
 fn layered_method(rng: &mut Rng) -> String {
     let one_of = |rng: &mut Rng, all: &[&str]| all[rng.usize(..all.len())].to_owned();
     let name = one_of(rng, &["osm", "dom", "bom"]);
@@ -45,7 +46,7 @@ fn layered_method(rng: &mut Rng) -> String {
     format!("{name}:{split},layers={},map={}", one_of(rng, &["1", "7", "32"]), rng.u32(2..40))
 }
 
-/// Fault of a method on a scene, or `None`.
+/// Describes the fault of a shadow method on a scene; `None` if there is none.
 fn fault(renderer: &Arc<Renderer>, attack: &Attack, method: &str, rng: &mut Rng) -> Option<String> {
     let clock = Instant::now();
     let volume = Arc::new(attack.volume());
@@ -77,7 +78,7 @@ fn methods_without_an_error_bound_end_with_a_transmittance() {
     let mut faults = Vec::new();
     for _ in 0..attack::setting("ATTACK_OTHERS", SIZES.unbounded_scenes) {
         let mut scene = Attack::random(&mut rng);
-        // Extinction and voxels of any size: what is degenerate is meant here.
+        // Extinction and voxels of any size: extreme scenes are intended here.
         let factor = 10f64.powf(rng.f64() * 12.0 - 6.0);
         scene.spacing_mm = scene.spacing_mm.map(|mm| mm * factor);
         if let Light::Point { position } = &mut scene.light {

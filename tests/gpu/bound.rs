@@ -1,4 +1,5 @@
-//! Transmittance along light rays through texel centres: within the error bound of the map, monotone, in range.
+//! Transmittance along light rays through texel centres: within the error bound of the shadow map, monotone, in
+//! range.
 
 use super::*;
 use glam::{DMat3, DVec2};
@@ -9,10 +10,10 @@ use umbravox::measure::rays::pick_texels;
 const RAYS: usize = 32;
 const DEPTHS: usize = 64;
 
-/// Candidate texels a side: spread over the map, whatever its size.
+/// Number of candidate texels along each side of the map, spread over it.
 const CANDIDATES: u32 = 16;
 
-/// Queries a method along light rays; the bound report and the sanity of transmittance.
+/// Queries a shadow method along light rays, and reports its error bound and the range and monotony of transmittance.
 pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BoundReport, Sanity) {
     let map = setup.shadow(method, light);
     let field = setup.exact();
@@ -79,7 +80,7 @@ fn thorax() {
     }
 }
 
-/// Opacity 0 takes nothing, whatever a driver's compiler makes of its logarithm.
+/// Opacity 0 gives transmittance 1 for every driver's logarithm.
 #[test]
 fn samples_with_zero_extinction_do_not_attenuate_light() {
     let volume = phantom("thorax:32");
@@ -102,7 +103,7 @@ fn samples_with_zero_extinction_do_not_attenuate_light() {
     assert!(hit.abs_diff(met) <= met / 100, "{hit} texels have nodes, {met} rays meet extinction");
 }
 
-/// Anisotropic, oblique, flipped and sheared: lengths along light rays stay world millimetres.
+/// Error bounds hold for anisotropic, oblique, flipped and sheared volumes: lengths along light rays stay world mm.
 #[test]
 fn affines() {
     let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 1.1);
@@ -120,7 +121,7 @@ fn affines() {
     }
 }
 
-/// Pre-filtered maps answer to the mean of their taps' exact curves.
+/// Pre-filtered shadow maps are compared with the mean of the exact curves of their taps.
 #[test]
 fn prefilter() {
     let volume = phantom("thorax:40");

@@ -1,10 +1,10 @@
-//! Checks of any kind of volume: error bounds, known answers, pictures.
+//! Assertions for any kind of volume: error bounds, known transmittances, pictures.
 
 use super::*;
 use crate::bound::along_light_rays;
 use umbravox::scene::{Shading, Skip};
 
-/// Checks the error bounds of `rays` and `dsm` under every light; `what` names the volume.
+/// Asserts the error bounds of `rays` and `dsm` under every light; `what` names the volume.
 pub fn promises_hold(setup: &Setup, what: &str) {
     for (place, light) in lights(setup.volume()) {
         for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
@@ -18,7 +18,7 @@ pub fn promises_hold(setup: &Setup, what: &str) {
     }
 }
 
-/// Exact answers at points are those that are known, and each method's are as close as is allowed it.
+/// Asserts the exact transmittance at points, and that of each shadow method within its tolerance.
 pub fn answers_are(setup: &Setup, light: Light, points: &[DVec3], wanted: &[f64], methods: &[(&str, f64)]) {
     let exact = setup.exact();
     for (p, want) in points.iter().zip(wanted) {
@@ -33,7 +33,7 @@ pub fn answers_are(setup: &Setup, light: Light, points: &[DVec3], wanted: &[f64]
     }
 }
 
-/// Pictures are the exact one, and the same with nothing skipped.
+/// Asserts that pictures agree with the exact picture, and do not change without skipping.
 pub fn pictures_are_exact_and_skipping_changes_nothing(setup: &Setup, what: &str) {
     let scene = setup.scene(32, 24);
     let exact = setup.exact().picture(&scene);
@@ -49,7 +49,7 @@ pub fn pictures_are_exact_and_skipping_changes_nothing(setup: &Setup, what: &str
         let off = largest_difference(&picture, &plain);
         assert!(off <= tolerance::SKIPPING, "{what}, {method}: {off}");
     }
-    // Shaded pictures take samples of their own on the way.
+    // Shaded pictures take additional samples along the ray.
     let scene = Scene { shading: Shading::Lambert, ..scene };
     let map = setup.shadow("rays", scene.light());
     let picture = setup.picture_of(&map, &scene);

@@ -1,4 +1,4 @@
-//! Clip planes: what is outside of one has no extinction, exactly so, for every method, skipped or not.
+//! Clip planes: the volume beyond them has no extinction, for every shadow method, with and without skipping.
 
 use super::*;
 use crate::bound::along_light_rays;
@@ -13,7 +13,7 @@ fn clipped(tf: &TransferFunction, planes: &[ClipPlane]) -> TransferFunction {
     TransferFunction { clip: planes.to_vec(), ..tf.clone() }
 }
 
-/// One oblique plane through the middle, a wedge, a thin oblique slab.
+/// Sets of clip planes: one oblique plane through the middle, a wedge, a thin oblique slab.
 fn cuts(volume: &Volume) -> Vec<(&'static str, Vec<ClipPlane>)> {
     let corners = volume.corners_mm();
     let center = corners.iter().sum::<DVec3>() / 8.0;
@@ -32,7 +32,7 @@ fn cuts(volume: &Volume) -> Vec<(&'static str, Vec<ClipPlane>)> {
     ]
 }
 
-/// Through one extinction everywhere, transmittance is the exponential of the way through what is kept.
+/// In a clipped homogeneous medium, transmittance is the exponential of the path length inside the clip planes.
 #[test]
 fn a_clipped_homogeneous_medium_has_its_depth() {
     let n = 24usize;
@@ -44,7 +44,7 @@ fn a_clipped_homogeneous_medium_has_its_depth() {
     let Some(setup) = Setup::open(&volume, &tf) else { return };
     let toward = DVec3::new(-0.2, 0.35, -0.9).normalize();
     let light = Light::Directional { toward };
-    // Behind the cut, before it, and above the second plane, seen from the light below.
+    // Points behind the cut, before it, and above the second plane, seen from the light below.
     let points: Vec<DVec3> = (0..400)
         .map(|i| {
             DVec3::new(8.0 + f64::from(i % 8), 6.0 + f64::from(i / 8 % 10), f64::from(i / 80) * 4.5 + 0.7)
@@ -77,7 +77,7 @@ fn a_clipped_homogeneous_medium_has_its_depth() {
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
-/// Error bounds of light rays hold for clipped volumes too.
+/// Error bounds of light rays hold for clipped volumes, too.
 #[test]
 fn error_bounds_are_satisfied() {
     let whole = phantom("thorax:48");
@@ -89,7 +89,7 @@ fn error_bounds_are_satisfied() {
     }
 }
 
-/// Light rays that run in the plane itself, and beside it by hairs: on which side they lie is the neighbours' to say.
+/// Light rays within rounding of a clip plane: their side of it may be that of a neighbouring ray.
 #[test]
 fn light_along_the_plane() {
     let whole = phantom("thorax:48");
@@ -112,7 +112,7 @@ fn light_along_the_plane() {
     }
 }
 
-/// Pictures against the exact picture, and with nothing skipped the same.
+/// Pictures of clipped volumes agree with the exact picture, and do not change without skipping.
 #[test]
 fn pictures_are_exact_and_skipping_changes_nothing() {
     let whole = phantom("thorax:64");
@@ -125,7 +125,7 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
     }
 }
 
-/// Bricks that are clipped away are not marched, and a volume of which nothing is kept is empty.
+/// Bricks that are clipped away are not marched; a volume that is clipped away completely is empty.
 #[test]
 fn clipped_regions_cost_nothing() {
     let whole = phantom("thorax:64");

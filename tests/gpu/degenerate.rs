@@ -1,4 +1,4 @@
-//! Volumes, transfer functions and settings at the ends of what is legal: finite, in range, no panic.
+//! Extreme but valid volumes, transfer functions and settings: results are finite and in range, without a panic.
 
 use super::*;
 use umbravox::scene::{Camera, Skip};
@@ -24,7 +24,7 @@ const METHODS: [&str; 18] = [
     "bom:map=17,layers=5,split=growing,log_size=2,lookup=each",
 ];
 
-/// Every method, light and way of skipping gives sane pictures and answers.
+/// Asserts sane pictures and transmittances for every shadow method, light and way of skipping.
 fn survives(volume: Volume, tf: &TransferFunction, what: &str) {
     let volume = Arc::new(volume);
     let Some(setup) = Setup::open(&volume, tf) else { return };

@@ -48,8 +48,8 @@ fn scans() {
     }
 }
 
-/// Samples joined by straight lines put a surface beside where light rays meet it: its picture had rings, and an rms of 0.074
-/// and 0.0041.
+/// A shaded surface has no dark rings. Linear values between samples once put it beside the place where light rays
+/// meet it, with an rms of 0.074 and 0.0041.
 #[test]
 fn a_shaded_surface_is_lit_where_light_meets_it() {
     let volume = phantom("thorax:64");

@@ -1,14 +1,14 @@
-//! Conditions that make methods comparable: planes where a split says they are, saturation, what filters average, whose rays a
-//! kernel is judged by, lookups for each sample.
+//! Conditions that make shadow methods comparable: exact planes of a split, saturation, averaging by filters,
+//! reference rays of a kernel, a query for each sample.
 
 use super::bound::along_light_rays;
 use super::*;
 use glam::DVec2;
 
-/// Towards a light on the z axis.
+/// Light at infinity on the z axis.
 const ABOVE: Light = Light::Directional { toward: DVec3::Z };
 
-/// Optical depth is exact at the planes of a split, whatever method has it, and nowhere else in uneven matter.
+/// In `dom` and `bom` optical depth is exact at the planes of the split, and nowhere else in uneven matter.
 #[test]
 fn planes_lie_where_the_split_says_in_dom_and_in_bom() {
     let Some(setup) = Setup::open(&phantom("comb:48"), &extinction(&[(0.0, 0.0), (1000.0, 0.06)])) else {
@@ -39,8 +39,8 @@ fn planes_lie_where_the_split_says_in_dom_and_in_bom() {
     }
 }
 
-/// Largest errors of optical depth at the inner planes of texels around the middle of a map, and half way between
-/// them; `dom` spans the map's range from where matter begins, `bom` ends where matter does.
+/// Largest errors of optical depth at the inner planes of texels near the map's middle, and half way between planes.
+/// `dom` spans the map's range from the first matter on, `bom` ends where matter ends.
 fn errors_at_planes(
     setup: &Setup,
     field: &ExactField<'_>,
@@ -58,7 +58,7 @@ fn errors_at_planes(
         let jumps = curve.jumps();
         let total = curve.total();
         assert!(total > 0.3, "{total}");
-        // Matter of a ramp begins where the first depth has any.
+        // For a ramp, matter begins at the first depth with optical depth.
         let begins = |z: f64| -curve.transmittance_at(z).ln();
         let first = bisect([0.0, 1e6], |z| begins(z) > 1e-12).max(jumps.first().copied().unwrap_or(0.0));
         let last = bisect([0.0, 1e6], |z| begins(z) > total - 1e-12);
@@ -77,7 +77,7 @@ fn errors_at_planes(
     (at_planes, between)
 }
 
-/// The least depth at which something that stays so holds.
+/// Smallest depth from which on a condition holds.
 fn bisect([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
@@ -86,7 +86,7 @@ fn bisect([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
     high
 }
 
-/// The darkest matter leaves 2^-11 of the light, and no more comes back behind it.
+/// Stored optical depth saturates: the densest matter leaves 2^-11 of the light, which never rises behind it.
 #[test]
 fn stored_optical_depth_saturates() {
     for per_mm in [1e3, 1e6] {
@@ -110,7 +110,8 @@ fn stored_optical_depth_saturates() {
     }
 }
 
-/// Half way between a lit texel and a dark one, the mean of optical depths is dark and that of transmittances half lit.
+/// Half way between a lit texel and a dark one, the mean of optical depths is dark and that of transmittances half
+/// lit.
 #[test]
 fn filters_average_transmittance_or_depth() {
     let value = |(_, _, i)| if i < 16 { 0.0 } else { 1000.0 };
@@ -147,7 +148,7 @@ fn filters_average_transmittance_or_depth() {
     }
 }
 
-/// A kernel's map answers to the mean of the rays that it averages, as pre-filtered maps do.
+/// A map with a kernel is compared with the mean of the rays that it averages, as pre-filtered maps are.
 #[test]
 fn a_kernel_is_judged_by_the_texels_that_it_averages() {
     let Some(setup) = Setup::open(&phantom("thorax:48"), &opacity(&[(-200.0, 0.0), (600.0, 0.1)])) else {
@@ -163,7 +164,7 @@ fn a_kernel_is_judged_by_the_texels_that_it_averages() {
     assert!(plain < 2.0 * tolerance::LAYERS_EVERYWHERE && kernel < 2.0 * tolerance::LAYERS_EVERYWHERE);
 }
 
-/// Planes by lost light lie where light is, and those by mass also where none arrives.
+/// Planes placed by lost light lie where light arrives; planes placed by mass also lie in the dark.
 #[test]
 fn slices_by_lost_light_leave_out_what_is_dark() {
     // A thin veil, a wall that lets nothing through, and much behind it.
@@ -184,7 +185,7 @@ fn slices_by_lost_light_leave_out_what_is_dark() {
     assert!(lit < 0.5 * density, "{density} {lit}");
 }
 
-/// A lookup for each sample brings the picture by shadow rays nearer to the exact one.
+/// A shadow query for each sample makes the picture by shadow rays closer to the exact one.
 #[test]
 fn a_lookup_for_each_sample_is_closer() {
     let Some(setup) = Setup::open(&phantom("thorax:32"), &opacity(&[(-300.0, 0.0), (500.0, 0.3)])) else {
@@ -197,7 +198,7 @@ fn a_lookup_for_each_sample_is_closer() {
     let (shared, each) = (rms("rays"), rms("rays:lookup=each"));
     println!("rms to the exact picture: lookups shared {shared:.6}, for each sample {each:.6}");
     assert!(each < 0.8 * shared && each < 1e-3, "{shared} {each}");
-    // Every method takes it, and its maps answer the same.
+    // Every method accepts the setting, and its map gives the same results.
     for method in ["dsm:map=64", "osm:map=64", "dom:map=64", "bom:map=64"] {
         let each = format!("{method},lookup=each");
         let difference = rms_difference(&setup.picture(&each, &scene), &setup.picture(method, &scene));

@@ -1,4 +1,4 @@
-//! A grid longer than the adapter's 3-D textures: the same pictures and shadows, folded.
+//! A volume longer than the adapter's 3-D textures, folded into one: same pictures and shadows.
 
 use crate::{extinction, renderer, volume_of};
 use glam::{DAffine3, DMat3, DVec3};
@@ -11,10 +11,10 @@ use umbravox::shadow;
 use umbravox::transfer::{LabelRule, LabelVisibility, TransferFunction};
 use umbravox::volume::{Labels, Volume, Voxels};
 
-/// Texels along an axis of the small device's 3-D textures.
+/// Largest side of the small device's 3-D textures, texels.
 const LIMIT: u32 = 64;
 
-/// A device that was asked for less than its adapter can.
+/// Device with smaller limits than its adapter has.
 fn small_device() -> Option<&'static Arc<Renderer>> {
     static SMALL: OnceLock<Arc<Renderer>> = OnceLock::new();
     let renderer = renderer()?;
@@ -32,7 +32,7 @@ fn limited(renderer: &Renderer) -> Arc<Renderer> {
     Arc::new(Renderer::new(Gpu::from_parts(&adapter, device, queue)))
 }
 
-/// Waves with a grain, over an oblique grid.
+/// Volume of waves with noise, on an oblique grid.
 fn waves([nx, ny, nz]: [usize; 3], half: bool) -> Arc<Volume> {
     let value = |(k, j, i): (usize, usize, usize)| {
         let wave =
@@ -57,12 +57,12 @@ fn sessions_through(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<[Sess
     Some([whole, small])
 }
 
-/// Largest difference, and whether there is one.
+/// Largest difference between two lists of values.
 fn apart<'a>(a: impl IntoIterator<Item = &'a f32>, b: impl IntoIterator<Item = &'a f32>) -> f32 {
     a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Points all over the volume.
+/// Points spread over the whole volume.
 fn points(volume: &Volume) -> Vec<DVec3> {
     let dims = DVec3::from_array(volume.dims().map(|n| n as f64));
     let share = |i: usize| DVec3::new(0.618_034, 0.754_878, 0.569_84) * i as f64 % 1.0;
@@ -90,7 +90,8 @@ fn marches_by_cells_are_the_same_to_the_last_bit() {
     }
 }
 
-/// Filtered by the hardware, whose weights are of a place in another texture.
+/// Pictures and marches by samples differ by rounding alone, since the hardware filter's weights depend on the place
+/// in the texture.
 #[test]
 fn marches_by_samples_and_pictures_differ_by_rounding_alone() {
     for (dims, half) in [([20, 30, 150], true), ([150, 20, 14], false), ([100, 80, 9], true)] {

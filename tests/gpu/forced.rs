@@ -1,11 +1,11 @@
-//! Skipped work that is forced on again: nothing is skipped any more, and no picture changes.
+//! Skipped work that is forced on with `--no-skip`: nothing is skipped any more, and no picture changes.
 
 use super::*;
 use clap::ValueEnum;
 use umbravox::render::Optimization;
 use umbravox::scene::{Camera, Shading};
 
-/// A scene in which something is left out.
+/// Scene in which an optimization skips work.
 struct Case {
     what: Optimization,
     volume: Arc<Volume>,
@@ -38,7 +38,7 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
         case(Optimization::Bricks, &jumps, maps, same),
         case(Optimization::EyeTiles, &jumps, &["none", "rays", "dsm:map=64", "dsm:map=64,lookup=each"], same),
         case(Optimization::EyeTiles, &jumps, &["none", "osm:map=64"], |s| {
-            // From inside, so that some bricks lie beside and behind the eye.
+            // A camera inside the volume, so that some bricks lie beside and behind the eye.
             let eye = s.camera.target + 0.12 * (s.camera.eye - s.camera.target);
             Scene { camera: Camera { eye, fov_deg: 110.0, ..s.camera }, ..s }
         }),
@@ -52,7 +52,7 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
     ]
 }
 
-/// Work that was skipped before it was forced.
+/// Asserts that forcing skipped work changes no picture, and returns the optimizations that had skipped it.
 fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Optimization> {
     let mut seen = Vec::new();
     for Case { what, volume, tf, methods, edit } in cases(volume, range) {

@@ -1,4 +1,4 @@
-//! Small pictures of every method and feature against those in `tests/golden`: a change in a shader shows what moved.
+//! Small pictures of every shadow method and feature against those in `tests/golden`, to show changes by a shader.
 //!
 //! `UMBRAVOX_REWRITE=1 cargo test --test gpu golden` renews the pictures. Look at them before you commit them.
 
@@ -10,9 +10,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use umbravox::shadow::METHODS;
 
-/// Scene of every picture.
+/// Command line of every golden picture.
 const SCENE: [&str; 5] = ["render", "phantom:thorax:32", "--size=48x48", "--tf=bone", "--background=#203040"];
-/// Further pictures: a name and the flags of its feature.
+/// Golden pictures of features: a name, and the flags of the feature.
 const FEATURES: [(&str, &[&str]); 10] = [
     ("clip", &["--clip=1,0.3,0,0"]),
     ("filter", &["--shadow=dsm:filter=nearest,map=24"]),
@@ -25,16 +25,16 @@ const FEATURES: [(&str, &[&str]); 10] = [
     ("shading", &["--shading=blinn-phong"]),
     ("strands", &["--strands=strands.obj,thickness=9,color=#d02020"]),
 ];
-/// sRGB codes that a channel may be off: adapters round in their own way, once a sample.
+/// Allowed difference of a channel in sRGB codes, since adapters round differently at each sample.
 const CODES: u8 = 4;
-/// Pixels that may be off by more: edges of surfaces, where one sample more or less is met.
+/// Number of pixels that may differ by more: edges of surfaces, where one sample more or less counts.
 const MOVED: usize = 12;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
 }
 
-/// Files that [`FEATURES`] name.
+/// Writes the files that [`FEATURES`] name.
 fn write_files(folder: &Path) {
     // Two large voxels: label 1 where x < 0, label 2 elsewhere.
     let labels = "NRRD0005\ntype: uchar\ndimension: 3\nsizes: 2 1 1\nspace: right-anterior-superior\n\
@@ -45,10 +45,10 @@ fn write_files(folder: &Path) {
     fs::write(folder.join("strands.obj"), "v -150 100 -60\nv 0 170 0\nv 150 100 60\nl 1 2 3\n").unwrap();
 }
 
-/// A moved pixel: largest difference of a channel, column, row, colours before and after.
+/// Changed pixel: largest difference of a channel, column, row, colours before and after.
 type Moved = (u8, u32, u32, [u8; 3], [u8; 3]);
 
-/// How a picture differs from the golden one; `None` within the tolerance.
+/// Describes how a picture differs from the golden one; `None` within the tolerance.
 fn difference(golden: &RgbImage, found: &RgbImage) -> Option<String> {
     if golden.dimensions() != found.dimensions() {
         return Some(format!("it has {:?} pixels instead of {:?}", found.dimensions(), golden.dimensions()));
@@ -107,7 +107,7 @@ fn pictures_are_those_in_the_repository() {
             let found = image::open(home.path().join(&file)).unwrap().to_rgb8();
             let golden = folder().join(&file);
             if renew {
-                // Without the scene that the program writes into its pictures.
+                // Saved without the scene that the program writes into its pictures.
                 found.save(&golden).unwrap();
             }
             let golden =

@@ -1,4 +1,4 @@
-//! Invariances: skipping, repetition, rotation of the world, sizes.
+//! Invariances of pictures: skipping, repetition, rotation of the world, sizes.
 
 use super::*;
 use umbravox::scene::{Camera, Skip};
@@ -12,7 +12,7 @@ fn cameras(volume: &Volume) -> [Camera; 3] {
     let outside = Scene::framing(volume).camera;
     let center = outside.target;
     let inside = Camera { eye: center + 0.11 * (outside.eye - center), fov_deg: 70.0, ..outside };
-    // Along a grid axis: rays parallel to faces.
+    // A view along a grid axis: rays parallel to faces.
     let [a, b] = [volume.corners_mm()[0], volume.corners_mm()[1]];
     let axis =
         Camera { eye: center + 2.0 * (b - a), up: DVec3::new(0.3, 0.1, 1.0), fov_deg: 45.0, ..outside };
@@ -89,8 +89,8 @@ fn twice_is_the_same() {
     }
 }
 
-/// World, camera and light turned together by a quarter about z: through voxels stored in another order, and through
-/// another affine.
+/// World, camera and light rotated together by 90 degrees about z give the same picture, by another voxel order and
+/// by another affine.
 #[test]
 fn turned_by_a_quarter() {
     let volume = phantom("thorax:48");
@@ -129,7 +129,7 @@ fn turned_by_a_quarter() {
                 assert!(off <= allowed, "{method}, {light:?}: {off}");
             }
         }
-        // A map's texels lie elsewhere after the turn: alike but not the same.
+        // After the rotation the map's texels lie elsewhere: results are similar, not equal.
         let before = setup
             .picture("dsm:epsilon=0.005,map=256", &Scene { lights: vec![light.into()], ..scene.clone() });
         let Some(after) = Setup::open(&restored, &ramp) else { return };
@@ -142,7 +142,7 @@ fn turned_by_a_quarter() {
     }
 }
 
-/// Pictures of odd sizes, and a single pixel: every pixel is what it would be in the exact camera's own terms.
+/// Pictures of odd sizes, and of a single pixel, have the same pixels as the exact picture.
 #[test]
 fn picture_sizes() {
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
@@ -162,7 +162,7 @@ fn picture_sizes() {
     }
 }
 
-/// Maps of one texel, one tile, a tile and one texel, and no multiple of a tile.
+/// Shadow maps of one texel, one tile, a tile and one texel, and no multiple of a tile.
 #[test]
 fn map_sizes() {
     let [ramp, jumps, _] = transfer_functions([-900.0, 1200.0]);

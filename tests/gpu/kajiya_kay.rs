@@ -1,4 +1,4 @@
-//! Strands shaded by their directions: closed forms where there is one direction, the exact picture where there are many.
+//! Strands shaded by their directions: closed forms for one direction, the exact picture for many.
 
 use super::*;
 use umbravox::files::loading::Loading;
@@ -8,7 +8,7 @@ use umbravox::strands::{
     Attribute, Kernel, StrandArrays, StrandSet, StrandVolume, Strands, VoxelisedStrands,
 };
 
-/// Strands on the shared device, with the transfer function that they get where nothing is said.
+/// Opens strands on the shared device with their default transfer function.
 fn open(strands: &Strands, resolution: usize, kernel: Kernel) -> Option<Setup> {
     let StrandVolume { volume, grid, .. } =
         StrandVolume::of(strands, resolution, kernel, &Loading::default()).unwrap();
@@ -18,13 +18,13 @@ fn open(strands: &Strands, resolution: usize, kernel: Kernel) -> Option<Setup> {
     Some(Setup { session: session.with_strands(Some(Arc::new(voxelised))), tf })
 }
 
-/// The exact field that knows the strands.
+/// Exact field with the strand directions.
 fn exact(setup: &Setup) -> ExactField<'_> {
     let strands = setup.session.loaded.strands.as_ref().unwrap();
     setup.exact().with_directions(Some(strands.directions().unwrap()))
 }
 
-/// A thicket of straight strands along the unit `u`, 40 mm long.
+/// Bundle of straight strands along the unit vector `u`, 40 mm long.
 fn straight(u: DVec3) -> Strands {
     let (v, w) = u.any_orthonormal_pair();
     let places = (-9..=9).flat_map(|i| (-9..=9).map(move |j| f64::from(i) * v + f64::from(j) * w));
@@ -42,26 +42,26 @@ fn straight(u: DVec3) -> Strands {
     Strands::new("test", arrays).unwrap()
 }
 
-/// A unit vector at an angle from `u`, somewhere around it.
+/// Unit vector at an angle from `u`, rotated about it by `around`.
 fn at(u: DVec3, angle: f64, around: f64) -> DVec3 {
     let (v, w) = u.any_orthonormal_pair();
     angle.cos() * u + angle.sin() * (around.cos() * v + around.sin() * w)
 }
 
-/// Kajiya and Kay's factor by the angles of light and eye with the strand: the highlight is where they add up to a straight
-/// angle.
+/// Kajiya-Kay factor from the angles of light and eye with the strand: the highlight is where they add up to 180
+/// degrees.
 fn by_angles(from_light: f64, from_eye: f64) -> f64 {
     from_light.sin() + 0.3 * (from_light + from_eye - std::f64::consts::PI).cos().max(0.0).powi(32)
 }
 
 #[test]
 fn straight_strands_have_the_factor_of_two_angles() {
-    // Half floats of an oblique direction are off by 2^-12 of its squares, which a sine near 0 shows most of.
+    // Half floats of an oblique direction have errors of 2^-12 of its squares, which matter most for a sine near 0.
     for (u, allowed) in [(DVec3::X, 2e-3), (DVec3::new(0.48, -0.6, 0.64), 4e-3)] {
         let Some(setup) = open(&straight(u), 40, Kernel::Box) else { return };
         let allowed = if setup.weighs_finely() { allowed } else { 2.0 * allowed };
         for (place, from_light) in [(0.4, 0.5), (1.3, 1.1), (2.2, 1.6), (3.0, 2.1), (4.9, 2.7)] {
-            // Where a ray comes upon the strands the middle of a step may lie before them, where the factor is 1.
+            // Where a ray meets the strands, the middle of a step may lie before them, where the factor is 1.
             let mut base = Scene { ambient: 0.0, background: [0.0; 3], step: 0.1, ..setup.scene(13, 9) };
             let from_eye = 0.9;
             let away = 60.0 * at(u, from_eye, 0.2);
@@ -146,7 +146,7 @@ fn lights_add_up_and_skipping_changes_nothing() {
     assert!(largest_difference(&rgb(&draw(&dark).pixels), &rgb(&sum)) < 1e-5);
     let everywhere = draw(&Scene { skip: Skip::None, ..scene.clone() });
     assert!(largest_difference(&both.pixels, &everywhere.pixels) < tolerance::SKIPPING);
-    // The plan says what is not read, and a picture without the shading has no directions made.
+    // The plan names skipped work, and a picture without this shading computes no directions.
     let said = |picture: &umbravox::render::Picture, what: &str| {
         picture.plan.left_out.iter().any(|omission| omission.what == what)
     };

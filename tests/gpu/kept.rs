@@ -6,7 +6,7 @@ use umbravox::engine::{
 };
 use umbravox::scene::{Camera, LightSource};
 
-/// A scene that is edited.
+/// State of a scene that is edited.
 #[derive(Clone)]
 struct State {
     volume: Arc<Volume>,
@@ -23,7 +23,7 @@ impl State {
     }
 }
 
-/// Session under test, with the last state shown.
+/// Renderer session under test, with the last state shown.
 struct Session {
     cached: CachedSession,
     volume: Arc<Volume>,
@@ -35,7 +35,7 @@ impl Session {
         Self::with_reuse(volume, ReusePolicy::Covering)
     }
 
-    /// `None`, visibly, where there is no adapter.
+    /// Opens a session with a reuse policy; `None` and a printed line if there is no adapter.
     fn with_reuse(volume: &Arc<Volume>, reuse: ReusePolicy) -> Option<Self> {
         let renderer = renderer()?;
         let cache = ShadowCache::new(ShadowCache::INTERACTIVE, reuse);
@@ -44,7 +44,7 @@ impl Session {
         Some(Self { cached, volume: Arc::clone(volume), shown: None })
     }
 
-    /// Changes, stages that ran, and the picture if it is new.
+    /// Shows a state, and returns the changes, the stages that ran, and the picture if it is new.
     fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
         let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
         if !Arc::ptr_eq(&self.volume, &state.volume) {
@@ -71,12 +71,12 @@ impl Session {
     }
 }
 
-/// A ramp with points far above the values of the phantom, so that there are values that do not occur.
+/// Transfer function with points far above the phantom's values, so that some values do not occur.
 fn ramp() -> TransferFunction {
     opacity(&[(200.0, 0.0), (900.0, 0.3), (5000.0, 0.4), (6000.0, 0.8), (7000.0, 0.8)])
 }
 
-/// An edit for each row of the table.
+/// Edits a scene state by a given kind of change.
 fn edit(state: &mut State, change: Change) {
     match change {
         Change::Volume => state.volume = phantom("step:24"),
@@ -180,7 +180,7 @@ fn only_the_moved_light_is_built_again() {
         session.show(&state);
         assert_eq!(built(&session, &state), 0);
     }
-    // Colours, and lights that give nothing, build nothing.
+    // A change of colour, and lights without intensity, build nothing.
     state.scene.lights[3].color = [1.0, 0.5, 0.0];
     state.scene.lights[0].intensity = 0.0;
     assert_eq!(built(&session, &state), 0);
@@ -198,7 +198,7 @@ fn a_map_serves_the_views_that_it_covers() {
     let zoomed = Camera { fov_deg: 5.0, ..framed };
     state.scene.camera = zoomed;
     assert_eq!(session.show(&state).1, [Stage::Shadows], "half of it is not needed");
-    // A little to the side is covered, far to the side is not.
+    // A view a little to the side is covered by the map, one far to the side is not.
     let aside = |share: f64| Camera { target: framed.target + share * framed.up * 10.0, ..zoomed };
     for (camera, made) in [(aside(0.02), vec![]), (aside(1.0), vec![Stage::Shadows]), (framed, vec![])] {
         state.scene.camera = camera;
@@ -206,7 +206,8 @@ fn a_map_serves_the_views_that_it_covers() {
         assert_eq!(shown.1, made, "{camera:?}");
         same_as_from_nothing(&state, &shown.2.unwrap(), "another view");
     }
-    // A map for the picture is none for every point, and one for every point does for a picture that shows all.
+    // A map fitted to the picture does not serve all points; a map of all points serves a picture of the whole
+    // volume.
     state.scene.camera = zoomed;
     session.show(&state);
     for (spec, coverage, built) in [
@@ -235,7 +236,7 @@ fn shadows_wait_until_something_needs_them() {
     let (_, made, picture) = session.show(&state);
     assert_eq!(made, [Stage::Shadows]);
     same_as_from_nothing(&state, &picture.unwrap(), "seen again");
-    // Out of view the map stays for when it is seen again.
+    // While the volume is out of view the map is stored for later.
     for camera in [away, framed] {
         state.scene.camera = camera;
         assert_eq!(session.show(&state).1, []);
@@ -263,7 +264,7 @@ fn a_failed_update_keeps_the_old_state() {
     assert_eq!(session.show(&state), (vec![], vec![], None));
 }
 
-/// With exact reuse every picture has the bits of one drawn alone.
+/// With exact reuse every picture equals one drawn alone, bit by bit.
 #[test]
 fn no_picture_depends_on_those_before() {
     let state = State::first();
@@ -275,7 +276,7 @@ fn no_picture_depends_on_those_before() {
     session.cached.set_transfer(&state.tf, &mut work).unwrap();
     for (method, share, builds) in [
         ("dsm:map=64", 1.0, true),
-        // From within it sees a part: the map would cover that, but its own is finer.
+        // A camera inside sees a part: the old map would cover it, but its own is finer.
         ("dsm:map=64", 0.1, true),
         ("dsm:map=64", 1.0, false),
         ("dsm:fit=volume,map=64", 1.0, true),

@@ -1,11 +1,12 @@
-//! Labels: hidden ones have no extinction, others are seen through their own functions, for every method.
+//! Segmentation labels: hidden ones have no extinction, others have their own transfer functions, for every shadow
+//! method.
 
 use super::*;
 use umbravox::scene::Skip;
 use umbravox::transfer::{LabelRule, LabelVisibility};
 use umbravox::volume::Labels;
 
-/// A volume with what `label` calls its voxels.
+/// Volume whose voxels get the labels that `label` returns.
 fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volume> {
     let [nx, ny, nz] = volume.dims();
     let labels = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| label([i, j, k]));
@@ -22,12 +23,12 @@ fn hidden(labels: &[u32]) -> LabelRule {
     LabelRule { labels: labels.to_vec(), visibility: LabelVisibility::Hidden }
 }
 
-/// Blocks of three voxels in four labels, in no order that rays would know.
+/// Label of a voxel in blocks of three voxels, in irregular order.
 fn blocks([i, j, k]: [usize; 3]) -> u16 {
     [0, 7, 300, 9][((i / 3) * 5 + (j / 3) * 3 + (k / 3) * 7 + (i / 3) * (k / 3)) % 4]
 }
 
-/// Values seen through several functions, with one label hidden: by opacity, and by extinction.
+/// Transfer functions with label rules, one label hidden: by opacity, and by extinction.
 fn functions() -> [TransferFunction; 3] {
     let [ramp, jumps, peaks] = transfer_functions([-900.0, 1200.0]);
     let steps = opacity(&[(-200.0, 0.0), (-100.0, 0.04), (40.0, 0.04), (40.0, 0.2), (900.0, 0.6)]);
@@ -40,7 +41,7 @@ fn functions() -> [TransferFunction; 3] {
     ]
 }
 
-/// Even slabs of known depths, in planes half-way between voxels.
+/// Labels end half-way between voxels: homogeneous slabs have known optical depths.
 #[test]
 fn labels_end_half_way_between_voxels() {
     let n = 24usize;
@@ -56,7 +57,7 @@ fn labels_end_half_way_between_voxels() {
             DVec3::new(6.0 + f64::from(i % 5), 10.0 + f64::from(i / 5 % 6), f64::from(i / 30) * 1.8 + 0.3)
         })
         .collect();
-    // 0.05 up to 3.5, nothing up to 7.5, 0.3 beyond.
+    // Extinction 0.05 up to 3.5, 0 up to 7.5, 0.3 beyond.
     let depth = |z: f64| 0.05 * (z.min(3.5) + 0.5) + 0.3 * (z - 7.5).max(0.0);
     let wanted: Vec<f64> = points.iter().map(|p| (-depth(p.z) / -toward.z).exp()).collect();
     let methods = [
@@ -72,7 +73,7 @@ fn labels_end_half_way_between_voxels() {
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
-/// Labels that are all seen alike change no bit of anything.
+/// Labels without rules change nothing, bit by bit.
 #[test]
 fn labels_without_rules_change_nothing() {
     let volume = phantom("thorax:48");
@@ -87,7 +88,7 @@ fn labels_without_rules_change_nothing() {
     assert!(largest_difference(&exact[0], &exact[1]) < 1e-6);
 }
 
-/// One function for every label gives the picture without labels.
+/// One transfer function for every label gives the picture without labels.
 #[test]
 fn one_function_under_many_names_is_itself() {
     let volume = phantom("thorax:48");
@@ -125,10 +126,10 @@ fn error_bounds_are_satisfied() {
     }
 }
 
-/// Pictures against the exact picture, and with nothing skipped the same.
+/// Pictures with labels agree with the exact picture, and do not change without skipping.
 #[test]
 fn pictures_are_exact_and_skipping_changes_nothing() {
-    // Parts as segmentations have them: large, with smooth borders.
+    // Labels as segmentations have them: large parts with smooth borders.
     let organs = |[i, j, k]: [usize; 3]| {
         let from = |x: usize, c: f64| (x as f64 - c).powi(2);
         if from(i, 20.0) + from(j, 30.0) + from(k, 36.0) < 300.0 {
@@ -149,7 +150,7 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
     }
 }
 
-/// Single opaque voxels in what is nearly clear: eye rays miss no corner of them by more than a step's accuracy.
+/// Eye rays miss no corner of single opaque voxels in nearly clear matter by more than the accuracy of a step.
 #[test]
 fn eye_rays_see_thin_corners() {
     let n = 24usize;
@@ -158,7 +159,7 @@ fn eye_rays_see_thin_corners() {
     let even = |sigma: f64| TransferFunction::new(Quantity::Extinction, &[(50.0, sigma), (200.0, sigma)]);
     let tf = TransferFunction { rules: vec![through(&[1], &even(4.0))], ..even(0.001) };
     let Some(setup) = Setup::open(&volume, &tf) else { return };
-    // Lit from everywhere, so that nothing but eye rays is asked.
+    // Ambient light only, so that the picture depends on eye rays alone.
     let scene = Scene { ambient: 1.0, ..setup.scene(40, 30) };
     let exact = setup.exact().picture(&scene);
     let map = setup.shadow("none", scene.light());
@@ -170,7 +171,7 @@ fn eye_rays_see_thin_corners() {
     }
 }
 
-/// Skipped bricks have no extinction in wide tables of several functions either.
+/// Skipped bricks have no extinction in device tables of several functions, either.
 #[test]
 fn functions_side_by_side_are_skipped_without_loss() {
     let ramp = Array3::from_shape_fn((20, 20, 40), |(k, j, i)| (i * 6 + (j * k) % 5) as u8);
@@ -192,7 +193,7 @@ fn functions_side_by_side_are_skipped_without_loss() {
     }
 }
 
-/// Hidden bricks are not marched.
+/// Bricks with hidden labels are not marched.
 #[test]
 fn hidden_labels_cost_nothing() {
     let volume = labelled(&phantom("thorax:64"), |[i, ..]| u16::from(i < 32));

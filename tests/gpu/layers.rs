@@ -1,16 +1,16 @@
-//! Layered maps: what `osm`, `dom` and `bom` are to be good at, on volumes with known answers first.
+//! Layered shadow maps `osm`, `dom` and `bom`: volumes with known results, and the claims of their papers.
 
 use super::bound::along_light_rays;
 use super::*;
 
-/// Towards a light on the z axis, where the slab has the same answer in every texel.
+/// Light at infinity on the z axis, for which the slab has the same result in every texel.
 const ABOVE: Light = Light::Directional { toward: DVec3::Z };
 
 fn ray_err_max(setup: &Setup, method: &str, light: Light) -> f64 {
     along_light_rays(setup, method, light).0.ray_err_max().unwrap()
 }
 
-/// Value ramp of the analytic phantoms: `per_mm` at 1000.
+/// Transfer function with a ramp over the values of the analytic phantoms: `per_mm` at 1000.
 fn ramp(per_mm: f64) -> TransferFunction {
     extinction(&[(0.0, 0.0), (1000.0, per_mm)])
 }
@@ -43,7 +43,7 @@ fn slices_lie_at_their_reported_depths() {
     assert!(density < gamma && gamma < uniform, "{uniform} {density} {gamma}");
 }
 
-/// Fog too thin to be a step of a coarse weighing still dims what lies behind it.
+/// With slices by density, fog thinner than a step of the coarse mass histogram still dims the light behind it.
 #[test]
 fn slices_by_density_begin_at_the_thinnest_matter() {
     let value = |(k, _, _)| if k < 115 { 1.0 } else { 100.0 };
@@ -59,7 +59,7 @@ fn slices_by_density_begin_at_the_thinnest_matter() {
     assert!(errors[0] < 0.25 && errors[2] < 0.02 && errors.windows(2).all(|w| w[1] < w[0]), "{errors:?}");
 }
 
-/// The 3x3 kernel averages optical depths of texels, as the paper's sample function does, by either filter.
+/// The 3x3 kernel averages optical depths of texels, as the paper's sample function does, for either filter.
 #[test]
 fn a_kernel_averages_nine_texels() {
     let Some(setup) = Setup::open(&phantom("shell:32"), &ramp(0.05)) else { return };
@@ -96,7 +96,8 @@ fn a_kernel_averages_nine_texels() {
     assert!(largest > 1e-3, "the kernel changes something");
 }
 
-/// Depths from the light along `toward` where a ray through the sphere's middle region starts, and points around it.
+/// Points at the given distances (mm) behind the first surface of the sphere on light rays through its middle region,
+/// with the exact transmittance there.
 fn lit_side(setup: &Setup, light: Light, offsets_mm: &[f64]) -> Vec<(DVec3, f64)> {
     let field = setup.exact();
     let map = setup.shadow("none", light);
@@ -162,7 +163,7 @@ fn transmittance_is_one_up_to_the_start_on_every_tested_ray() {
                         .extend([hair, 0.3, 4.0].map(|before| origin + (start + first - before) * direction));
                 }
             }
-            // From inside the ball there is nothing in front of matter.
+            // A light inside the ball has no empty space in front of matter.
             if place == "point inside" {
                 continue;
             }
@@ -267,8 +268,8 @@ fn opaque_matter_fills_the_layers_behind_it() {
     }
 }
 
-/// Every method along light rays of every projection: no rise, nothing out of range; and fewer bits take fewer
-/// bytes and change the answer by no more than they must.
+/// Transmittance along light rays never rises and stays in range for any number of stored bits. Fewer bits take fewer
+/// bytes, with a small error.
 #[test]
 fn stored_bits() {
     let [tf, ..] = transfer_functions([-900.0, 1200.0]);
@@ -280,7 +281,7 @@ fn stored_bits() {
                 let (report, sanity) = along_light_rays(&setup, &method, light);
                 let bad = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
                 assert_eq!(bad, 0, "{place}, {method}: {sanity:?}");
-                // Larger, since textures have whole lines.
+                // A larger map, since textures have whole lines.
                 let bytes = setup.shadow(&method.replace("map=48", "map=256"), light).report.bytes;
                 (report.ray_err_max().unwrap(), bytes)
             };
@@ -296,7 +297,7 @@ fn stored_bits() {
     }
 }
 
-/// Leaves in a box: a share of the voxels, by a hash, is matter.
+/// Volume of leaves in a box: a fraction `share` of the voxels, chosen by a hash, is matter.
 fn leaves(share: f64) -> Arc<Volume> {
     let hash = |i: usize, j: usize, k: usize| {
         let mut h = ((i * 73_856_093) ^ (j * 19_349_663) ^ (k * 83_492_791)) as u32;
@@ -309,8 +310,8 @@ fn leaves(share: f64) -> Arc<Volume> {
     Arc::new(volume_of(Voxels::I16(Array3::from_shape_fn((48, 48, 48), value)), DAffine3::IDENTITY))
 }
 
-/// Appendix 11 of the thesis in shape: the more layers the more linear, the denser the leaves the more logarithmic,
-/// and (Table 5.2.3.1) the more layers the more alike are neighbours.
+/// Trend of appendix 11 of the thesis: more layers give a more linear split, denser leaves a more logarithmic one.
+/// More layers make neighbouring layers more alike (table 5.2.3.1).
 #[test]
 fn the_chosen_ratio_follows_layers_and_density() {
     let choices = |volume: &Arc<Volume>, tf: &TransferFunction, what: &str, light: Light| {
@@ -343,7 +344,7 @@ fn the_chosen_ratio_follows_layers_and_density() {
 
 #[test]
 fn a_ratio_for_every_region_suits_mixed_scenes() {
-    // Bone is dense, what surrounds it thin: no one ratio is right for both.
+    // Bone is dense and its surroundings are thin: no single ratio is right for both.
     let tf = extinction(&[(-300.0, 0.0), (100.0, 0.01), (250.0, 0.02), (400.0, 0.8)]);
     let Some(setup) = Setup::open(&phantom("thorax:96"), &tf) else { return };
     let light = lights(setup.volume())[0].1;

@@ -1,8 +1,8 @@
-//! `lightvolume` where its answer is known: at nodes, along axes, in even media, and where nothing is kept.
+//! `lightvolume` where its result is known: at nodes, along axes, in homogeneous media, and in empty space.
 
 use super::*;
 
-/// Grains of several sizes, with empty space between them.
+/// Volume of grains of several sizes, with empty space between them.
 fn grains() -> Arc<Volume> {
     let value = |(k, j, i): (usize, usize, usize)| {
         let wave = |n: usize, rate: f64| (n as f64 * rate).sin();
@@ -34,7 +34,7 @@ fn errors(setup: &Setup, method: &str, light: Light, points: &[DVec3]) -> [f64; 
     [off.iter().copied().fold(0.0, f64::max), rms]
 }
 
-/// Centres of voxels with extinction: in empty space a lookup goes on, to between nodes.
+/// Centres of voxels with extinction; in empty space a query moves on to a place between nodes.
 fn voxel_centres(setup: &Setup) -> Vec<DVec3> {
     let [x, y, z] = setup.volume().dims();
     let world_from_index = setup.volume().world_from_index();
@@ -45,7 +45,7 @@ fn voxel_centres(setup: &Setup) -> Vec<DVec3> {
     has_extinction.map(|n| world_from_index.transform_point3(place(n))).collect()
 }
 
-/// Places that are no voxels', in the domain.
+/// Points in the domain that are no voxel centres.
 fn between_voxels(volume: &Volume) -> Vec<DVec3> {
     let dims = DVec3::from(volume.dims().map(|n| n as f64));
     let share = |n: u32, rate: f64| (f64::from(n) * rate).fract();
@@ -74,7 +74,7 @@ fn gathering_is_exact_at_nodes() {
     }
 }
 
-/// Where nothing is kept a lookup goes on to where something is, and between nodes a finer lattice is nearer.
+/// A query in empty space moves on to the first active brick; between nodes a finer lattice is closer.
 #[test]
 fn finer_lattices_are_nearer_everywhere() {
     let Some(setup) = Setup::open(&grains(), &grain_function()) else { return };
@@ -97,7 +97,7 @@ fn sweeping_is_exact_along_axes() {
     let matrix = setup.volume().world_from_index().matrix3;
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         for sense in [1.0, -1.0] {
-            // Against light that goes along an axis of the grid.
+            // Light along an axis of the grid.
             let light = Light::Directional { toward: matrix * axis * sense };
             for average in ["depth", "transmittance"] {
                 let method = format!("lightvolume:scale=1,bits=32,build=sweep,average={average}");
@@ -109,7 +109,8 @@ fn sweeping_is_exact_along_axes() {
     }
 }
 
-/// The paper's known fault: from slice to slice light spreads. In an even medium with a plane face it cannot.
+/// Known error of the paper: sweeping spreads light from slice to slice, but not in a homogeneous medium with a plane
+/// face.
 #[test]
 fn sweeping_spreads_what_is_not_even() {
     let toward = DVec3::new(0.3, 0.2, 1.0);
@@ -118,13 +119,14 @@ fn sweeping_spreads_what_is_not_even() {
     let even = Arc::new(volume_of(Voxels::F32(even), DAffine3::IDENTITY));
     let tf = extinction(&[(0.0, 0.0), (1000.0, 0.04)]);
     let Some(setup) = Setup::open(&even, &tf) else { return };
-    // Far from the sides through which light comes in askew.
+    // Points far from the sides, through which light enters obliquely.
     let points: Vec<_> = (0..24).map(|k| DVec3::new(12.0, 12.0, f64::from(k))).collect();
     let [largest, _] =
         errors(&setup, "lightvolume:scale=1,bits=32,build=sweep,average=depth", light, &points);
     assert!(largest < 5e-4, "{largest}");
 
-    // Under a wall with a straight edge the shadow's edge gets wider with the distance, and does so by sweeping alone.
+    // Under a wall with a straight edge the shadow's edge gets wider with the distance, and does so by sweeping
+    // alone.
     let wall =
         Array3::from_shape_fn((64, 8, 64), |(k, _, i)| if k >= 60 && i < 32 { 1000.0f32 } else { 100.0 });
     let wall = Arc::new(volume_of(Voxels::F32(wall), DAffine3::IDENTITY));
@@ -143,7 +145,7 @@ fn sweeping_spreads_what_is_not_even() {
     assert!(far > 1.3 * near && far > 2.0 * gathered_far && gathered_far < 1.3 * gathered_near);
 }
 
-/// Optical depth is straight in an even medium lit along an axis: at the outermost nodes, too, which stand on its faces.
+/// In a homogeneous medium lit along an axis optical depth is linear, also at the outermost nodes on its faces.
 #[test]
 fn even_media_are_exact_at_every_scale() {
     let even = Array3::from_elem((24, 24, 24), 1000.0f32);

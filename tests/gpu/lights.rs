@@ -1,11 +1,11 @@
-//! Pictures of several lights: sums of the pictures of each, and the exact picture of all.
+//! Pictures of several lights: sums of the pictures of each light, and the exact picture of all.
 
 use super::*;
 use umbravox::engine::Change;
 use umbravox::render::Picture;
 use umbravox::scene::{LightSource, Shading};
 
-/// Float32 sums in another order, and each light's own share of it.
+/// Tolerance for float32 sums in another order.
 const SUMS: f64 = 2e-6;
 
 const METHODS: [&str; 5] = ["rays", "none", "dsm:map=64", "dom:map=64", "osm:map=64"];
@@ -14,7 +14,7 @@ fn source(light: Light, color: [f64; 3], intensity: f64) -> LightSource {
     LightSource { light, color, intensity }
 }
 
-/// Three lights of different colours: at infinity, outside, and inside.
+/// Three lights of different colours: at infinity, outside, and inside the volume.
 fn three(volume: &Volume) -> Vec<LightSource> {
     let [(_, far), _, (_, near), (_, inside)] = lights(volume);
     let toward = match far {
@@ -38,7 +38,7 @@ impl Setup {
     }
 }
 
-/// Pictures added, channel by channel, each times its factors.
+/// Sum of pictures, channel by channel, each times its factors.
 fn sum(parts: &[(Array3<f32>, [f64; 3])]) -> Array3<f32> {
     Array3::from_shape_fn(parts[0].0.dim(), |(row, column, c)| match c {
         3 => parts[0].0[[row, column, 3]],
@@ -64,8 +64,8 @@ fn pictures_add_up_and_scale() {
             assert!(off < SUMS, "{method}, {shading:?}: {off}");
             assert!(all.iter().any(|x| *x > 0.1), "{method}: something is seen");
 
-            // Ambient light and the background are there once, whatever the number of lights. Both are known from pictures
-            // of one light, by the very samples.
+            // Ambient light and the background count once, whatever the number of lights. Both are known from
+            // pictures of one light with the same samples.
             let one = base.under(lights[0].light.into());
             let background = [0.3, 0.5, 0.1];
             let [dark, half, behind] =
@@ -112,7 +112,7 @@ fn a_white_light_is_the_picture_without_a_factor_and_dark_ones_change_nothing() 
         let off = seen.map(|(_, (a, b))| f64::from((a - b).abs())).fold(0.0, f64::max);
         assert!(off < SUMS, "{method}: {off}");
     }
-    // Where none shines nothing is built: what is left is ambient light.
+    // If no light has intensity, nothing is built: only ambient light is left.
     let none = Scene { lights: vec![black, LightSource { intensity: 0.0, ..first }], ..one.clone() };
     assert_eq!(setup.session.needs_shadows(&none), Err("no light shines"));
     let picture = setup.lit("none", &none).pixels;
@@ -145,7 +145,8 @@ fn pictures_of_several_lights_are_near_the_exact_one() {
     }
 }
 
-/// Bands and parts of bands, and pictures in several dispatches: what one pass leaves is there for the next.
+/// Bands of a picture, parts of bands, and pictures in several dispatches add up alike: each pass continues the one
+/// before.
 #[test]
 fn parts_of_a_picture_add_up_alike() {
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);

@@ -1,4 +1,5 @@
-//! Strands drawn straight into maps (`from=lines`): known answers for every method that has a map, and what is refused.
+//! Strands rasterised directly into shadow maps (`from=lines`): known results for every method with a map, and
+//! invalid uses.
 
 use super::*;
 use glam::DVec2;
@@ -7,7 +8,7 @@ use umbravox::strands::{
     Attribute, Kernel, StrandArrays, StrandSet, StrandVolume, Strands, VoxelisedStrands,
 };
 
-/// Every method with a map, as fine as it can be, each with what it may be off by behind everything.
+/// Every shadow method with a map, as fine as possible, with its allowed error behind all strands.
 const METHODS: [(&str, f32); 8] = [
     ("dsm:epsilon=0.001", 0.002),
     ("osm:layers=256", 1e-3),
@@ -19,7 +20,7 @@ const METHODS: [(&str, f32); 8] = [
     ("moments", 0.01),
 ];
 
-/// Straight strands between two points each, all of one diameter (mm) and transparency.
+/// Straight strands between pairs of points, of one diameter (mm) and transparency.
 fn straight(ends: &[[DVec3; 2]], diameter: f32, transparency: f32) -> Strands {
     let points = ends.iter().flatten().map(|p| p.to_array().map(|x| x as f32)).collect();
     let arrays = StrandArrays {
@@ -34,7 +35,7 @@ fn straight(ends: &[[DVec3; 2]], diameter: f32, transparency: f32) -> Strands {
     Strands::new("test", arrays).unwrap()
 }
 
-/// Strands with a volume of so many voxels a side, seen as they are.
+/// Opens strands with a volume of `resolution` voxels a side, whose values are extinction.
 fn open(strands: Strands, resolution: usize) -> Option<Setup> {
     let StrandVolume { volume, grid, kernel, .. } =
         StrandVolume::of(&strands, resolution, Kernel::Box, &Loading::default()).unwrap();
@@ -48,7 +49,7 @@ fn with(method: &str, more: &str) -> String {
     format!("{method}{}{more}", if method.contains(':') { ',' } else { ':' })
 }
 
-/// Points on the rays through texel centres near a world point, `depth_mm` further from the light than it.
+/// Points on rays through texel centres near a world point, `depth_mm` farther from the light.
 fn behind(map: &ShadowMap, at: DVec3, depth_mm: f64, texels: i32) -> Vec<(DVec2, DVec3)> {
     let (texel, depth) = map.light_space.light_point(at);
     let point = |x: i32, y: i32| {
@@ -59,13 +60,13 @@ fn behind(map: &ShadowMap, at: DVec3, depth_mm: f64, texels: i32) -> Vec<(DVec2,
     (-texels..=texels).flat_map(|y| (-texels..=texels).map(move |x| point(x, y))).collect()
 }
 
-/// A thin strand across the light takes `opacity d / w` of the light of the texels that it passes, `w` being their width,
-/// and nothing of the others'; a second one takes the same again.
+/// A thin strand across the light absorbs the fraction `opacity d / w` in the texels that it passes, `w` being their
+/// width, and nothing in others. A second strand absorbs the same again.
 #[test]
 fn thin_strands_take_their_share_of_a_texel() {
     let (diameter, transparency) = (0.05, 0.25);
     let x = DVec3::X * 10.0;
-    // Two above each other, and two far aside, so that texels are square.
+    // Two strands above each other, and two far aside, so that texels are square.
     let at = [DVec3::new(0.0, 0.06, 0.0), DVec3::new(0.0, 0.06, 4.0), DVec3::Y * 10.0, DVec3::Y * -10.0];
     let strands = straight(&at.map(|p| [p - x, p + x]), diameter, transparency);
     let Some(setup) = open(strands, 40) else { return };
@@ -74,7 +75,7 @@ fn thin_strands_take_their_share_of_a_texel() {
         let map = setup.shadow(&with(method, "from=lines,map=96,filter=nearest"), light);
         assert_eq!(map.bound, None, "{method}");
         let place = |world: DVec3| map.light_space.light_point(world).0;
-        // Texels a mm along the strand and across it; the strand runs along one axis of the map.
+        // Texels per mm along the strand and across it; the strand runs along one axis of the map.
         let (along, across) =
             (place(at[0] + DVec3::X) - place(at[0]), place(at[0] + DVec3::Y) - place(at[0]));
         assert!((along.length() - across.length()).abs() < 0.02 * across.length(), "{along} {across}");
@@ -103,7 +104,7 @@ fn thin_strands_take_their_share_of_a_texel() {
     }
 }
 
-/// A strand that is wider than texels lets its transparency through, under every kind of light and at every angle.
+/// A strand wider than texels transmits its transparency, under every kind of light and at every angle.
 #[test]
 fn wide_strands_let_their_transparency_through() {
     for tilt in [0.0_f64, 0.8, 1.3] {
@@ -133,7 +134,7 @@ fn wide_strands_let_their_transparency_through() {
     }
 }
 
-/// How many pieces a strand has must not matter: a straight one of many segments is that of one.
+/// The number of segments does not matter: a straight strand of many segments equals one of a single segment.
 #[test]
 fn joints_within_a_texel_cast_no_shadow_of_their_own() {
     let x = DVec3::X * 10.0;
@@ -160,7 +161,7 @@ fn joints_within_a_texel_cast_no_shadow_of_their_own() {
     }
 }
 
-/// Curls hold the same matter drawn into a map as spread over voxels; `tests/gpu/compare/strands.rs` holds them against cylinders.
+/// Curls have the same mass in a map as in voxels; `tests/gpu/compare/strands.rs` compares them with cylinders.
 #[test]
 fn curls_hold_the_same_matter_drawn_into_a_map() {
     let strands = StrandSet::Curly.build(20_000).unwrap();
@@ -210,7 +211,7 @@ fn volumes_without_strands_are_refused() {
     assert!(error.to_string().contains("wide") && error.exit_status() == 2, "{error}");
 }
 
-/// A point of a strand where the light is has no direction from it, and a doubled point no length.
+/// A strand point at the position of the light, and a repeated point, are skipped.
 #[test]
 fn points_at_the_light_are_passed_over() {
     let ends = [[DVec3::ZERO, DVec3::ZERO], [DVec3::ZERO, DVec3::X], [-DVec3::X, DVec3::X]];

@@ -1,13 +1,14 @@
-//! The polyline of fewest nodes within a tunnel, in float64 and without limits: what `compress=optimal` of `dsm` is held
-//! against.
+//! Polyline of fewest nodes within a tunnel, in float64 and without limits: the reference for `compress=optimal` of
+//! `dsm`.
 //!
-//! The tunnel of a curve that never rises is the curve plus and minus `epsilon`, its floor not below 0. It begins at the
-//! curve's first point, below 1, and the last node's value is kept behind it. Imai and Iri's greedy line, with all corners
-//! since the window in two lists and every tangent searched among them: slow, and nothing in common with the device's hulls.
+//! The tunnel of a curve that never rises is the curve plus and minus `epsilon`, its floor not below 0. It begins at
+//! the curve's first point, below 1, and the last node's value is kept behind it. Imai and Iri's greedy line, with
+//! all corners since the window in two lists and every tangent searched among them: slow, and nothing in common with
+//! the device's hulls.
 
 use fastrand::Rng;
 
-/// Depth and transmittance.
+/// Point of a transmittance curve: depth and transmittance.
 pub type Point = [f64; 2];
 
 #[derive(Clone, Copy)]
@@ -31,21 +32,21 @@ impl Line {
 
 const UPRIGHT: f64 = -1e30;
 
-/// The line through `to` that passes every one of `points` on its right side: the flattest, or the steepest.
+/// Line through `to` that passes every one of `points` on its right side: the flattest, or the steepest.
 fn tangent(points: &[Point], to: Point, steepest: bool) -> Line {
     let slopes = points.iter().filter(|p| p[0] < to[0]).map(|p| (to[1] - p[1]) / (to[0] - p[0]));
     let slope = if steepest { slopes.fold(f64::INFINITY, f64::min) } else { slopes.fold(UPRIGHT, f64::max) };
     Line { at: to, slope }
 }
 
-/// Where a line leaves the tunnel between two of its corners.
+/// Point at which a line leaves the tunnel between two of its corners.
 fn exit(line: &Line, before: Point, behind: Point) -> Point {
     let [inside, outside] = [before, behind].map(|p| (p[1] - line.value(p[0])).abs());
     let x = before[0] + (behind[0] - before[0]) * inside / (inside + outside).max(1e-300);
     [x, line.value(x)]
 }
 
-/// Nodes of the polyline with the fewest of them.
+/// Computes the polyline with the fewest nodes within the tunnel of a curve.
 pub fn fewest(curve: &[Point], epsilon: f64) -> Vec<Point> {
     let first = curve[0];
     let mut nodes = Vec::new();
@@ -99,7 +100,7 @@ pub fn fewest(curve: &[Point], epsilon: f64) -> Vec<Point> {
     nodes
 }
 
-/// A polyline's value at a depth, level behind its end.
+/// Value of a polyline at a depth, constant behind its end.
 fn value(nodes: &[Point], x: f64) -> f64 {
     let after = nodes.partition_point(|n| n[0] <= x);
     match (after.checked_sub(1).map(|i| nodes[i]), nodes.get(after)) {
@@ -110,7 +111,7 @@ fn value(nodes: &[Point], x: f64) -> f64 {
     }
 }
 
-/// A curve that never rises, of levels, jumps, arcs and noise, over the depths from 0.
+/// Random curve that never rises, of constant parts, jumps, arcs and noise, over the depths from 0.
 fn random_curve(rng: &mut Rng, points: usize) -> Vec<Point> {
     let mut curve = vec![[0.0, 1.0]];
     let mut rate: f64 = 0.0;
@@ -124,8 +125,8 @@ fn random_curve(rng: &mut Rng, points: usize) -> Vec<Point> {
     curve
 }
 
-/// The fewest nodes of all polylines whose nodes lie on a lattice, every one of them tried: depths of the curve's points and
-/// heights at multiples of `1 / heights`.
+/// Smallest number of nodes of all polylines with nodes on a lattice, by trying every one: depths of the curve's
+/// points, and heights at multiples of `1 / heights`.
 fn fewest_on_lattice(curve: &[Point], epsilon: f64, heights: usize) -> Option<usize> {
     let inside = |i: usize, t: f64| {
         let ceiling = if i == 0 { 1.0 } else { curve[i][1] + epsilon };
@@ -192,11 +193,12 @@ fn no_polyline_on_a_lattice_has_fewer() {
         tried += 1;
         equal += usize::from(found == lattice);
     }
-    // A lattice so coarse misses the least here and there; where it is met the search has teeth.
+    // So coarse a lattice sometimes misses the minimum; where it finds it, the comparison is strict.
     assert!(tried > 250 && 2 * equal > tried, "{equal} of {tried}");
 }
 
-/// A parabola's chords of one width stray by the same wherever they lie: `width² / 4` from end to middle.
+/// All chords of a parabola over one width deviate equally from it, by `width² / 4` from end to middle, which gives
+/// the number of lines.
 #[test]
 fn a_parabola_takes_chords_of_known_width() {
     for (epsilon, points) in [(0.01, 4000), (0.002, 8000), (0.03, 4000)] {
@@ -210,7 +212,7 @@ fn a_parabola_takes_chords_of_known_width() {
     }
 }
 
-/// Straight falls and levels, each far more than the tunnel is wide, take a line each.
+/// Straight falls and constant stretches, each far longer than the tunnel is wide, take one line each.
 #[test]
 fn straight_stretches_take_a_line_each() {
     for stretches in 1..9usize {

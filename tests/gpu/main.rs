@@ -1,4 +1,4 @@
-//! The device's path from end to end: against the exact reference, invariances, extreme volumes.
+//! Tests on a graphics device: against the exact reference, invariances, extreme volumes.
 //!
 //! Most tests share one device.
 
@@ -54,7 +54,7 @@ use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
-/// Device of all tests; `None` and a visible line where no adapter is expected.
+/// Device that all tests share; `None` and a printed line if no adapter is expected.
 fn renderer() -> Option<&'static Arc<Renderer>> {
     // Opened once: compiling pipelines takes longer than most tests.
     static RENDERER: OnceLock<Arc<Renderer>> = OnceLock::new();
@@ -65,7 +65,7 @@ fn renderer() -> Option<&'static Arc<Renderer>> {
     RENDERER.get()
 }
 
-/// NVIDIA's driver finds no adapter for the 31st instance of a process.
+/// NVIDIA's driver finds no adapter for the 31st instance of a process; forty devices still open.
 #[test]
 fn forty_devices_open_one_after_the_other() {
     if renderer().is_none() {
@@ -76,19 +76,19 @@ fn forty_devices_open_one_after_the_other() {
     }
 }
 
-/// A volume and a transfer function on the shared device.
+/// Volume and transfer function on the shared device.
 struct Setup {
     session: Session,
     tf: TransferFunction,
 }
 
 impl Setup {
-    /// `None`, visibly, where there is no adapter.
+    /// Opens a volume on the shared device; `None` and a printed line if there is no adapter.
     fn open(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<Self> {
         Self::forced(volume, tf, DisabledOptimizations::NONE)
     }
 
-    /// Opens a volume with skipped work forced on.
+    /// Opens a volume with some skipped work forced on.
     fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: DisabledOptimizations) -> Option<Self> {
         Some(Self {
             session: Session::on(renderer()?, Arc::clone(volume), tf, forced).unwrap(),
@@ -96,7 +96,7 @@ impl Setup {
         })
     }
 
-    /// Whether the adapter's filter weighs neighbours in float32, as software adapters do: graphics cards keep 8 bits of a
+    /// Whether the adapter's filter has float32 weights, as software adapters do; graphics cards use 8 bits of a
     /// weight.
     fn weighs_finely(&self) -> bool {
         renderer().is_some_and(|r| r.gpu().info.device_type == wgpu::DeviceType::Cpu)
@@ -127,7 +127,7 @@ impl Setup {
         self.session.query(map, points_mm).unwrap()
     }
 
-    /// A picture of `width x height` that frames the volume, lit from the side over a background.
+    /// Scene of `width x height` pixels that frames the volume, lit from the side, with a background.
     fn scene(&self, width: u32, height: u32) -> Scene {
         let background = [0.1, 0.25, 0.4];
         Scene { width, height, background, ambient: 0.15, ..Scene::framing(self.volume()) }
@@ -138,7 +138,7 @@ fn phantom(name: &str) -> Arc<Volume> {
     Arc::new(load(&VolumeSpec::new(format!("phantom:{name}"))).unwrap())
 }
 
-/// A real scan, or `None` and a visible line.
+/// Loads a real scan; `None` and a printed line if it is not expected.
 fn scan(name: &str) -> Option<Arc<Volume>> {
     let path = common::scan(name)?;
     Some(Arc::new(load(&VolumeSpec::new(path.to_string_lossy())).unwrap()))
@@ -149,7 +149,7 @@ fn volume_of(voxels: Voxels, world_from_index: DAffine3) -> Volume {
     Volume::new(voxels, Scaling::IDENTITY, world_from_index, provenance).unwrap()
 }
 
-/// A phantom's voxels under another affine.
+/// Voxels of a phantom under another affine.
 fn under(affine: DAffine3, name: &str) -> Arc<Volume> {
     Arc::new(volume_of(phantom(name).voxels().clone(), affine))
 }
@@ -173,7 +173,7 @@ fn opacity(points: &[(f64, f64)]) -> TransferFunction {
     transfer(Quantity::Opacity, points)
 }
 
-/// A ramp, two jumps, and a comb of narrow peaks over the values `[low, high]`.
+/// Transfer functions over the values `[low, high]`: a ramp, two jumps, and a comb of narrow peaks.
 fn transfer_functions([low, high]: [f64; 2]) -> [TransferFunction; 3] {
     let at = |w: f64| low + (high - low) * w;
     let peaks = (0..6)
@@ -187,7 +187,7 @@ fn transfer_functions([low, high]: [f64; 2]) -> [TransferFunction; 3] {
     ]
 }
 
-/// Directional; point outside; point just outside (perspective or octahedral); point inside.
+/// Lights: directional; point outside; point just outside (perspective or octahedral); point inside.
 fn lights(volume: &Volume) -> [(&'static str, Light); 4] {
     let corners = volume.corners_mm();
     let center = corners.iter().sum::<DVec3>() / 8.0;

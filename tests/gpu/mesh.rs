@@ -1,4 +1,4 @@
-//! Opaque things in a volume: against the exact picture, closed forms, and what a sphere hides by geometry.
+//! Opaque objects in a volume: against the exact picture, closed forms, and the geometric shadow of a sphere.
 
 use super::*;
 use glam::DVec2;
@@ -20,7 +20,7 @@ fn sphere(center: DVec3, radius: f64, n: usize) -> Vec<[DVec3; 3]> {
     quads.flat_map(two).collect()
 }
 
-/// A square across an axis, in two triangles.
+/// Square of two triangles, spanned by `x` and `y`.
 fn square(center: DVec3, x: DVec3, y: DVec3) -> Vec<[DVec3; 3]> {
     let [a, b, c, d] = [center - x - y, center + x - y, center + x + y, center - x + y];
     vec![[a, b, c], [a, c, d]]
@@ -38,7 +38,7 @@ fn mesh(parts: &[(&[[DVec3; 3]], [f64; 3])]) -> Option<Arc<Mesh>> {
 const GREEN: [f64; 3] = [0.2, 0.8, 0.3];
 const BLUE: [f64; 3] = [0.1, 0.3, 0.9];
 
-/// A ball within the volume and a floor below it, wider than the volume.
+/// Ball within the volume, and a floor below it that is wider than the volume.
 fn ball_and_floor(volume: &Volume) -> Option<Arc<Mesh>> {
     let corners = volume.corners_mm();
     let center = corners.iter().sum::<DVec3>() / 8.0;
@@ -46,7 +46,7 @@ fn ball_and_floor(volume: &Volume) -> Option<Arc<Mesh>> {
     let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);
     let ball = sphere(center + 0.1 * radius * DVec3::new(1.0, 0.7, 0.4), 0.22 * radius, 20);
     let at = DVec3::new(center.x, center.y, low - 0.1 * radius);
-    // So wide that it reaches behind lights that are near.
+    // The floor is so wide that it reaches behind lights that are near.
     let floor = square(at, 4.0 * radius * DVec3::X, 4.0 * radius * DVec3::Y);
     mesh(&[(&ball, GREEN), (&floor, BLUE)])
 }
@@ -62,7 +62,8 @@ fn pictures_are_those_of_the_exact_reference() {
                 let mesh = ball_and_floor(&volume);
                 let scene = Scene { lights: vec![light.into()], shading, mesh, ..setup.scene(40, 30) };
                 let exact = setup.exact().picture(&scene);
-                // Pixels at the edge of a hard shadow are another's for float32, and for a map as far as its texels go.
+                // Pixels at the edge of a hard shadow differ by float32 rounding, and for a map by the size of its
+                // texels.
                 for (method, allowed, most_off) in [
                     ("rays", tolerance::RAYS_PICTURE_RMS, 2),
                     ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS, 20),
@@ -78,7 +79,8 @@ fn pictures_are_those_of_the_exact_reference() {
     }
 }
 
-/// A wall at a known depth in an even medium: `C = c (1 - e^(-2 s d)) / 2 + m e^(-2 s d)` with the light at the eye's side.
+/// A wall at a known depth in a homogeneous medium: `C = c (1 - e^(-2 s d)) / 2 + m e^(-2 s d)` with the light on the
+/// eye's side.
 #[test]
 fn a_wall_in_an_even_medium_is_as_computed() {
     let even = Array3::from_elem((40, 40, 40), 1000.0f32);
@@ -118,7 +120,7 @@ fn a_wall_in_an_even_medium_is_as_computed() {
     assert!((0..3).all(|c| dark[[4, 4, c]] == 0.0), "{dark}");
 }
 
-/// A ball above a floor, in a volume without extinction: what is in its shadow, by geometry.
+/// A ball above a floor, in a volume without extinction, casts its geometric shadow.
 #[test]
 fn a_ball_hides_what_lies_behind_it() {
     let nothing = Array3::from_elem((8, 8, 8), 0.0f32);
@@ -127,7 +129,7 @@ fn a_ball_hides_what_lies_behind_it() {
     let (center, radius) = (DVec3::new(4.0, 4.0, 12.0), 3.0);
     let floor = square(DVec3::new(4.0, 4.0, -2.0), 30.0 * DVec3::X, 30.0 * DVec3::Y);
     let things = mesh(&[(&sphere(center, radius, 64), GREEN), (&floor, [1.0; 3])]);
-    // From straight above, so that a pixel's place on the floor is known.
+    // A view from straight above, so that a pixel's place on the floor is known.
     let camera = Camera {
         eye: DVec3::new(4.0, 4.0, 400.0),
         target: DVec3::new(4.0, 4.0, 0.0),
@@ -152,11 +154,11 @@ fn a_ball_hides_what_lies_behind_it() {
                 let direction = camera.ray_direction(f64::from(column), f64::from(row), 64, 64);
                 let x = camera.eye + (-2.0 - camera.eye.z) / direction.z * direction;
                 let (toward, _) = light.from_point(x);
-                // Distance of the ball's centre from the way to the light, and from the eye's.
+                // Distance of the ball's surface from the ray to the light, and from the eye ray.
                 let beside = |o: DVec3, d: DVec3| (center - o).cross(d).length() - radius;
                 let (from_light, from_eye) = (beside(x, toward), beside(camera.eye, direction));
                 let inside = DVec2::new(x.x - 4.0, x.y - 4.0).abs().max_element() < 29.0;
-                // The sphere is of triangles: nothing is said of what is next to its outline.
+                // The sphere consists of triangles: pixels next to its outline are not tested.
                 if from_eye < 0.1 || from_light.abs() < 0.05 || !inside {
                     continue;
                 }
@@ -183,7 +185,7 @@ fn nothing_that_is_left_out_shows() {
         assert!(largest_difference(&bricks, &none) < 2e-4, "{method}");
         assert_eq!(bricks, setup.picture(method, &scene), "{method}: twice the same");
     }
-    // From within the ball, and with the floor behind the eye as well as before it.
+    // Views from within the ball, and with the floor behind the eye as well as before it.
     let corners = volume.corners_mm();
     let center = corners.iter().sum::<DVec3>() / 8.0;
     let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! Nodes counted texel by texel are those that the build counted.
+//! Curve nodes counted texel by texel equal those that the build counted.
 
 use super::*;
 use umbravox::shadow::{NodeMap, TILE};
@@ -11,7 +11,7 @@ fn nodes_of(setup: &Setup, map: &ShadowMap) -> Option<NodeMap> {
 fn counts_add_up_to_the_builds_own() {
     let tf = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
     let Some(setup) = Setup::open(&phantom("comb:48"), &tf) else { return };
-    // Long rows of nodes make chains.
+    // Many curve nodes need chains of rows.
     for method in ["dsm:map=64", "dsm:epsilon=0.0005,map=64", "dsm:map=48,prefilter=5", "dsm:map=16"] {
         for (name, light) in lights(setup.volume()) {
             let map = setup.shadow(method, light);

@@ -1,4 +1,4 @@
-//! Maps built in several submissions, as a window has them, are those built at once.
+//! Shadow maps built in several submissions, as in the window, equal those built at once.
 
 use super::*;
 
@@ -11,7 +11,8 @@ fn a_map_built_in_several_submissions_is_the_same() {
     let session = Session::on(&parts, Arc::clone(&volume), &jumps, DisabledOptimizations::NONE).unwrap();
     let parts = Setup { session, tf: jumps };
     let scene = whole.scene(57, 41);
-    // 256 tiles, and so many parts of a millisecond; without an error to spare the pool runs out and the build is repeated.
+    // 256 tiles, built in submissions of about a millisecond; with epsilon 0 the pool runs out and the build is
+    // repeated.
     for method in
         ["dsm:map=256,epsilon=0", "osm:map=256,layers=8", "dom:map=256,layers=7", "bom:map=256,layers=7"]
     {

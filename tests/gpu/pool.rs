@@ -1,4 +1,5 @@
-//! A pool that runs out is grown and what it was too small for is built again: never cut short in silence, nor every time.
+//! Pool of deep-shadow-map rows: if it is too small, it grows, and the tiles that ran out are built again, not all of
+//! them.
 
 use super::*;
 
@@ -14,7 +15,7 @@ fn a_pool_that_runs_out_grows() {
     let (first, second) = (map.report, again.report);
     assert_eq!((second.pool_growths, second.nodes_total), (0, first.nodes_total), "{second:?}");
     assert!(first.guessed && !second.guessed);
-    // What stayed and what was built again are the same map as what is built at once.
+    // Tiles that stayed and tiles that were built again form the same map as a build at once.
     let across: Vec<DVec3> =
         (0..2000).map(|i| DVec3::new(f64::from(i % 50), f64::from(i / 50), 25.0) - 24.0).collect();
     assert_eq!(setup.query(&map, &across), setup.query(&again, &across));
@@ -43,8 +44,8 @@ fn a_pool_that_runs_out_grows() {
 
 #[test]
 fn only_tiles_that_the_pool_was_too_small_for_are_built_again() {
-    // On one side of x = 32 the value goes up and down along the light (hundreds of nodes a texel), on the other it is
-    // the same everywhere (two of them).
+    // On one side of x = 32 the value rises and falls along the light (hundreds of nodes), on the other it is
+    // constant (two nodes).
     let value = |(k, _, i): (usize, usize, usize)| if i < 32 { 1000.0 * (k % 2) as f32 } else { 100.0 };
     let volume = volume_of(Voxels::F32(Array3::from_shape_fn((96, 64, 64), value)), DAffine3::IDENTITY);
     let haze = extinction(&[(0.0, 0.002), (1000.0, 0.03)]);
@@ -54,11 +55,11 @@ fn only_tiles_that_the_pool_was_too_small_for_are_built_again() {
     let first = setup.shadow(spec, light);
     let second = setup.shadow(spec, light);
     assert_eq!((first.report.pool_growths, second.report.pool_growths), (1, 0), "{:?}", first.report);
-    // Rows that short tiles had got before they were built again are lost: some, and not as many as there are.
+    // Rows that tiles had before they were built again are lost: some, but not all.
     let lost = first.report.bytes_used - second.report.bytes_used;
     let beyond = second.report.bytes_used - 128 * 128 * 32;
     assert!(lost > 0 && lost < beyond, "{lost} of {beyond}: {:?} {:?}", first.report, second.report);
-    // Both sides, and the edge between them, as a map that had room at once.
+    // Both sides, and the edge between them, equal those of a map that had room at once.
     let points: Vec<DVec3> = (0..4000)
         .map(|i| DVec3::new(f64::from(i % 61) + 1.3, f64::from(i / 61 % 60) + 1.7, f64::from(i % 89) + 2.9))
         .collect();

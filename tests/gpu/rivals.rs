@@ -1,17 +1,17 @@
-//! `clusters`, `fourier`, `avsm` and `moments` on media of which each knows the answer, and what each promises by itself.
+//! `clusters`, `fourier`, `avsm` and `moments` on media for which each is exact, and the claims of their papers.
 
 use super::bound::along_light_rays;
 use super::*;
 use glam::DVec2;
 
-/// Towards a light on the z axis, where all texels see the same.
+/// Light at infinity on the z axis, for which all texels have the same curve.
 const ABOVE: Light = Light::Directional { toward: DVec3::Z };
 
-/// Voxels across the layers, and along them.
+/// Number of voxels of the layered volume along the light.
 const DEEP: usize = 128;
 const WIDE: usize = 16;
 
-/// A volume of layers: a value by the layer's share of the depth, from the light of [`ABOVE`] on.
+/// Volume of layers: `value` gets the fraction of the depth from the light of [`ABOVE`] on.
 fn layers_of(value: impl Fn(f64) -> f64) -> Arc<Volume> {
     let share = |k: usize| 1.0 - (k as f64 + 0.5) / DEEP as f64;
     let voxels = Array3::from_shape_fn((DEEP, WIDE, WIDE), |(k, _, _)| value(share(k)) as f32);
@@ -22,12 +22,12 @@ fn ray_err_max(setup: &Setup, method: &str) -> f64 {
     along_light_rays(setup, method, ABOVE).0.ray_err_max().unwrap()
 }
 
-/// Slabs of one voxel or more: 1000 where a layer is in one.
+/// Volume of slabs of one voxel or more: value 1000 inside the given fractions of the depth.
 fn slabs(volume_shares: &'static [[f64; 2]]) -> Arc<Volume> {
     layers_of(move |s| if volume_shares.iter().any(|[a, b]| (*a..*b).contains(&s)) { 1000.0 } else { 0.0 })
 }
 
-/// Extinction per mm of what is in a slab, and none beside it.
+/// Transfer function with constant extinction, 1/mm, inside slabs and none outside.
 fn even(per_mm: f64) -> TransferFunction {
     extinction(&[(500.0, 0.0), (500.0, per_mm), (1000.0, per_mm)])
 }
@@ -59,15 +59,16 @@ fn fourier_is_exact_for_a_medium_of_its_own_terms() {
     let error = |rest: &str| ray_err_max(&setup, &format!("fourier:{rest},filter=nearest,map=32,fit=volume"));
     let errors = [1, 2, 3, 7].map(|terms| error(&format!("terms={terms},bits=32")));
     println!("one and two waves, 1, 2, 3, 7 terms: {errors:.5?}");
-    // Between voxels values go straight, and in the outermost halves of voxels they do not change.
+    // Values are linear between voxels, and constant in the outermost halves of voxels.
     assert!(errors[0] > 0.03 && errors[1..].iter().all(|e| *e < 1e-3), "{errors:?}");
     let halves = error("terms=3,bits=16");
     assert!(halves < 4e-3, "{halves}");
-    // Damping takes from the terms what the medium has of them.
+    // Damping reduces the terms that the medium itself has.
     assert!(error("terms=2,bits=32,damping=lanczos") > 0.01);
 }
 
-/// Even slabs at different depths: over its own range each texel's series is its constant, over the map's it rings.
+/// Homogeneous slabs at different depths: a Fourier series over each texel's own range is exact, one over the map's
+/// range rings.
 #[test]
 fn fourier_over_a_texels_own_range_is_exact_for_an_even_slab() {
     let voxels = Array3::from_shape_fn((DEEP, WIDE, WIDE), |(k, _, i)| {
@@ -89,7 +90,7 @@ fn fourier_over_a_texels_own_range_is_exact_for_an_even_slab() {
     }
 }
 
-/// Ringing that the paper and `stability` report: around a surface the series rings, before and behind it.
+/// The Fourier series rings before and behind a surface, as the paper and `stability` report.
 #[test]
 fn fourier_rings_around_a_surface() {
     // Faint matter at both ends, so that the map's range is the whole depth.
@@ -124,7 +125,7 @@ fn clusters_are_exact_for_as_many_slabs() {
     let errors = [1, 2, 4].map(|clusters| error(&format!("clusters={clusters},bits=32")));
     println!("four slabs, 1, 2, 4 clusters: {errors:.5?}");
     assert!(errors[2] < 1e-3 && errors[1] > 0.01 && errors[0] > 0.02, "{errors:?}");
-    // Slabs that are not nearest to means spread evenly come apart in more marches.
+    // Slabs that are not nearest to the initial, evenly spaced means separate after more marches.
     let two: &[[f64; 2]] = &[[0.05, 0.25], [0.45, 0.95]];
     let setup = Setup::open(&slabs(two), &even(0.03)).unwrap();
     let error = |iterations: u32| {
@@ -181,7 +182,7 @@ fn moments_are_exact_for_half_as_many_sheets() {
     }
 }
 
-/// Moments in 16 bits say nearly what floats do, in half of the memory.
+/// Moments in 16 bits give nearly the results of floats, in half of the memory.
 #[test]
 fn moments_in_words_are_those_in_floats() {
     let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);
@@ -205,7 +206,8 @@ fn moments_in_words_are_those_in_floats() {
                 let square: f32 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
                 let rms = (square / points.len() as f32).sqrt();
                 println!("{place}, {kind}, {filter}: {rms:.5}");
-                // On the circle, 8 floats are near to rounding themselves: SwiftShader's sines are coarser than others'.
+                // On the unit circle, 8 floats are close to rounding errors: SwiftShader's sines are less exact than
+                // others'.
                 let most = if kind.contains("trigonometric") { 0.06 } else { 0.03 };
                 assert!(rms < most, "{place}, {kind}, {filter}: {rms}");
             }
@@ -213,7 +215,7 @@ fn moments_in_words_are_those_in_floats() {
     }
 }
 
-/// A cell may hold more than ends a ray: what is kept of it ends where the ray does.
+/// An opaque slab in one cell: its stored part ends where the ray ends, with the right slope.
 #[test]
 fn opaque_slabs_keep_their_slope() {
     let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
@@ -224,7 +226,7 @@ fn opaque_slabs_keep_their_slope() {
     }
 }
 
-/// Bounds of evenly spread matter are known: `1 / sum of (2 k + 1) P_k(0)^2` of it lies in the middle at most.
+/// Known bounds for uniformly spread matter: the weight of its middle is at most `1 / sum of (2 k + 1) P_k(0)^2`.
 #[test]
 fn moments_of_an_even_slab_are_those_of_the_paper() {
     let Some(setup) = Setup::open(&slabs(&[[0.0, 1.0]]), &even(0.01)) else { return };
@@ -242,7 +244,7 @@ fn moments_of_an_even_slab_are_those_of_the_paper() {
     }
 }
 
-/// With `beta` at its ends a texel brackets the truth at every depth.
+/// With `beta` at its two ends the moments bracket the exact transmittance at every depth.
 #[test]
 fn moments_bracket_the_truth() {
     for name in ["slab:32", "sphere:32", "comb:32", "thorax:64"] {
@@ -272,7 +274,7 @@ fn moments_bracket_the_truth() {
     }
 }
 
-/// The margins of tiles hold what the texels beside them do, inside the map and beyond an octahedral map's edge.
+/// Tile margins equal the neighbouring texels, inside the map and beyond the edge of an octahedral map.
 #[test]
 fn filters_cross_the_edges_of_tiles() {
     let Some(setup) = Setup::open(&phantom("thorax:64"), &opacity(&[(-200.0, 0.0), (600.0, 0.1)])) else {
@@ -336,7 +338,8 @@ fn filters_cross_the_edges_of_tiles() {
     }
 }
 
-/// Properties of every map here: nothing in front of matter, all of it behind, and a better answer with more numbers.
+/// Properties of all these maps: transmittance 1 in front of matter, the full depth behind it, and smaller errors
+/// with more numbers.
 #[test]
 fn more_numbers_say_more() {
     let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);

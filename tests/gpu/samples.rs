@@ -1,4 +1,4 @@
-//! Maps whose light rays are marched by regular samples.
+//! Shadow maps whose light rays are marched by regular samples.
 
 use super::*;
 use umbravox::measure::check::check;
@@ -6,7 +6,7 @@ use umbravox::render::Optimization;
 
 const LIGHT: Light = Light::Directional { toward: DVec3::new(0.4, -0.3, 0.9) };
 
-/// Points all over the volume, on no lattice.
+/// Points spread over the volume, on no lattice.
 pub(super) fn points(volume: &Volume) -> Vec<DVec3> {
     let size = DVec3::from_array(volume.dims().map(|n| n as f64));
     let share = |i: u32, base: f64| (f64::from(i) * base).fract();
@@ -60,7 +60,7 @@ fn the_check_tells_fine_samples_from_coarse_ones() {
     assert_eq!(found("rays"), None);
 }
 
-/// A wall one voxel thick between two halves, which a function with a peak between their values sees alone.
+/// Wall one voxel thick between two halves, visible only by a transfer function with a peak between their values.
 fn wall() -> (Arc<Volume>, TransferFunction) {
     let value = |(x, _, _): (usize, usize, usize)| if x < 20 { 0.0 } else { 1.0 };
     let voxels = Voxels::F32(Array3::from_shape_fn((24, 24, 48), |(k, j, i)| value((i, j, k))));
@@ -90,7 +90,7 @@ fn steps_longer_than_bricks_leap_over_no_active_one() {
     }
 }
 
-/// Thin matter behind a peak that is millions of times as dense, in the function's values: sums must not swallow it.
+/// Thin matter is not lost beside a peak of the transfer function that is millions of times as dense.
 #[test]
 fn little_extinction_beside_a_tall_peak_survives() {
     let ramp = Array3::from_shape_fn((16, 16, 24), |(_, _, i)| 0.2 + 0.03 * i as f32);
@@ -107,7 +107,7 @@ fn little_extinction_beside_a_tall_peak_survives() {
     }
 }
 
-/// Extinction at the far end of a long stretch, and more samples than loops may have turns.
+/// Loops end with extinction at the far end of a long stretch, and with more samples than loops may have iterations.
 #[test]
 fn loops_end_where_stretches_are_long_and_where_steps_are_short() {
     let two = Array3::from_shape_fn((1, 1, 2), |(_, _, i)| i as f32);

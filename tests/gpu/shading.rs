@@ -1,4 +1,5 @@
-//! Shading factors against closed forms: at the point of a ball that faces the eye, the normal is the eye's direction.
+//! Shading factors against closed forms: at the point of a ball that faces the eye, the normal is the eye's
+//! direction.
 
 use super::*;
 use umbravox::scene::{Shading, Skip};

@@ -1,35 +1,40 @@
-//! Every tolerance of the device's tests, with its reason.
+//! Tolerances of the tests on a device, with their reasons.
 
-/// Pictures with and without brick skipping: samples sit on one lattice, so only sums of zeros may differ. A published tolerance.
+/// Allowed difference between pictures with and without brick skipping: samples lie on one lattice, so only sums of
+/// zeros may differ. A published tolerance.
 pub const SKIPPING: f64 = 1e-5;
 
-/// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. A published tolerance.
+/// Allowed rms over RGBA of a picture by `rays` against the exact one, for eye steps of half a voxel. A published
+/// tolerance.
 pub const RAYS_PICTURE_RMS: f64 = 0.005;
-/// Error of `dsm:epsilon=0.005` likewise: map texels as large as voxels blur the edges of shadows. A published tolerance.
+/// Allowed rms over RGBA of a picture by `dsm:epsilon=0.005` against the exact one: map texels as large as voxels
+/// blur the edges of shadows. A published tolerance.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
-/// Error of `rays` with shaded surfaces likewise: in 32 x 24 pixels the gradient at a jump is seen by few of them.
+/// Allowed rms over RGBA of a picture of shaded surfaces by `rays` against the exact one: few of its 32 x 24 pixels
+/// show the gradient at a jump.
 pub const SHADED_PICTURE_RMS: f64 = 0.02;
 
-/// A map's transmittance never rises, but float32 texel coordinates of points of one ray differ by up to 1e-5 of a
-/// texel and so weigh in neighbours.
+/// Allowed rise of a shadow map's transmittance along a ray. It never rises within a texel, but float32 texel
+/// coordinates differ by up to 1e-5 of a texel and mix in neighbours.
 pub const MAP_RISE: f64 = 1e-4;
-/// Shadow rays that start at different depths sum different pieces; each may be off by what the method promises
-/// (1e-3).
+/// Allowed rise of transmittance by shadow rays: rays that start at different depths sum different pieces, each
+/// within the error bound of 1e-3.
 pub const RAYS_RISE: f64 = 2e-3;
-/// Transmittance is a mean of stored values or the exponential of a sum of terms >= 0: float32 rounding of 1 alone.
+/// Allowed deviation of transmittance from [0, 1]: float32 rounding of 1.
 pub const RANGE: f64 = 1e-6;
 
-/// Rows of a world turned by 90 degrees are other float32 numbers: what rounding of positions (1e-5 voxels) makes
-/// of a picture through a function of slope 1 per voxel.
+/// Allowed difference of pictures of a world rotated by 90 degrees: positions round differently (1e-5 voxels), with a
+/// transfer function of slope 1 per voxel.
 pub const TURNED: f64 = 1e-3;
-/// Tolerance where the filter keeps 8 bits of a weight: values are off by a 512th of what neighbours differ by
-/// (0.02 on an NVIDIA H100).
+/// Allowed difference of rotated pictures if the filter has 8-bit weights: values differ by a 512th of the difference
+/// of neighbours (0.02 on an NVIDIA H100).
 pub const TURNED_IN_8_BITS: f64 = 0.05;
 
-/// Layers at every sample converge to the exact curve. A published tolerance.
+/// Allowed error of layered maps with a layer at every sample, which converge to the exact curve. A published
+/// tolerance.
 pub const LAYERS_EVERYWHERE: f64 = 0.01;
-/// Optical depth of a point behind everything. A published tolerance.
+/// Allowed error of the optical depth at a point behind all matter. A published tolerance.
 pub const FULL_DEPTH: f64 = 1e-3;
 
-/// Work that is forced back on changes rounding alone.
+/// Allowed change of a picture by work that is forced on: only rounding.
 pub const FORCED: f64 = 1e-5;

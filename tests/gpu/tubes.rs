@@ -1,4 +1,4 @@
-//! Strands as opaque tubes: what a thick one hides, by geometry, on a floor and in an even medium, and the exact picture.
+//! Strands as opaque tubes: geometric shadows on a floor and in a homogeneous medium, and the exact picture.
 
 use super::*;
 use umbravox::mesh::{Mesh, MeshPart};
@@ -20,7 +20,7 @@ fn strand(points: &[DVec3], diameter_mm: f32) -> Strands {
     Strands::new("test", arrays).unwrap()
 }
 
-/// The tube of a strand, and more triangles in white.
+/// Opaque mesh of the tubes of strands and further white triangles.
 fn things(strands: &Strands, more: &[[DVec3; 3]]) -> Option<Arc<Mesh>> {
     let made = tubes(strands, MOST_TRIANGLES).unwrap();
     assert_eq!(made.sides, 12);
@@ -32,8 +32,8 @@ fn things(strands: &Strands, more: &[[DVec3; 3]]) -> Option<Arc<Mesh>> {
     Some(Arc::new(Mesh::new(parts).unwrap()))
 }
 
-/// Smallest distance of a ray (`direction` of length 1) from a straight strand, and whether that is at an end of it: a cylinder
-/// with a ball at either end is all that is nearer than its radius.
+/// Smallest distance of a ray (`direction` of length 1) from a straight strand, and whether it is at an end of the
+/// strand. A cylinder with a ball at either end is all points nearer than its radius.
 fn distance(origin: DVec3, direction: DVec3, [a, b]: [DVec3; 2]) -> (f64, bool) {
     let along = b - a;
     // The distance to the ray of a place on the strand is convex.
@@ -50,10 +50,10 @@ fn distance(origin: DVec3, direction: DVec3, [a, b]: [DVec3; 2]) -> (f64, bool) 
     (to_ray(place), !(1e-6..=1.0 - 1e-6).contains(&place))
 }
 
-/// Whether a ray misses a strand of that radius; `None` where a tube of 12 sides may say otherwise.
+/// Whether a ray misses a strand of the given radius; `None` where a tube of 12 sides may differ.
 fn misses(origin: DVec3, direction: DVec3, ends: [DVec3; 2], radius: f64) -> Option<bool> {
     let (from_axis, at_end) = distance(origin, direction, ends);
-    // How far, in radii, its sides are from the cylinder, and its ends from the balls.
+    // Largest distance, in radii, of the tube's sides from the cylinder, and of its ends from the balls.
     let off = if at_end { 0.06 } else { 0.024 };
     let radii = from_axis / radius;
     ((radii - 1.0).abs() > off).then_some(radii > 1.0)
@@ -109,7 +109,7 @@ fn a_straight_strand_hides_what_its_cylinder_hides() {
     }
 }
 
-/// A strand in an even medium under a light from above: what is below it is dark, and is seen to be from the side.
+/// A strand in a homogeneous medium under a light from above casts a dark shadow below it, visible from the side.
 #[test]
 fn a_strand_casts_its_shadow_into_the_medium() {
     let even = Array3::from_elem((40, 40, 40), 1000.0f32);
@@ -130,7 +130,7 @@ fn a_strand_casts_its_shadow_into_the_medium() {
     let light = LightSource::from(Light::Directional { toward: DVec3::Z });
     let scene =
         Scene { camera, lights: vec![light], ambient, background: [0.0; 3], mesh, ..setup.scene(64, 64) };
-    // With the shadow of the cylinder, or without any.
+    // Expected picture with the shadow of the cylinder, or without any.
     let wanted = |direction: DVec3, shadow: bool| {
         let inv = direction.recip();
         let [t0, t1] = [DVec3::splat(-0.5), DVec3::splat(39.5)].map(|p| (p - camera.eye) * inv);
@@ -146,11 +146,11 @@ fn a_strand_casts_its_shadow_into_the_medium() {
         };
         (0..steps).map(part).sum::<f64>()
     };
-    // Light is looked up as often as samples are taken, for a hard edge in the medium.
+    // Shadow queries are as frequent as samples, for a hard edge in the medium.
     let fine = Scene { step: 0.25, ..scene.clone() };
     let [rays, dsm] =
         ["rays:lookup=each", "dsm:epsilon=0.005,map=512,lookup=each"].map(|m| setup.picture(m, &fine));
-    // Of an error of up to 2.4 % of the radius on either side of the shadow, and of each picture's own.
+    // Allowed difference: up to 2.4 % of the radius on either side of the shadow, and each picture's own error.
     let found = [("exact", setup.exact().picture(&scene), 0.001), ("rays", rays, 0.002), ("dsm", dsm, 0.002)];
     let mut worst = [0.0_f64; 3];
     let (mut counted, mut darkest) = (0, 0.0_f64);
@@ -195,7 +195,7 @@ fn a_bent_strand_in_a_chest_is_drawn_as_the_exact_picture_has_it() {
         let rms = rms_difference(&found, &exact);
         let off = found.iter().zip(&exact).filter(|(a, b)| (*a - *b).abs() > 0.05).count();
         println!("{place}: rms {rms:.5}, {off} far off");
-        // Pixels at the edge of a hard shadow are another's for float32.
+        // Pixels at the edge of a hard shadow differ by float32 rounding.
         assert!(off <= 4 && rms <= tolerance::RAYS_PICTURE_RMS, "{place}: {rms}, {off}");
         let without = setup.picture("rays", &Scene { mesh: None, ..scene });
         assert!(largest_difference(&found, &without) > 0.05, "{place}: it shows");

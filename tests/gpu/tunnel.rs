@@ -1,4 +1,4 @@
-//! `compress=optimal` of `dsm`: the promise holds, and the nodes are as few as they can be.
+//! `compress=optimal` of `dsm`: the error bound holds, and the number of curve nodes is minimal.
 
 use super::links::{Point, fewest};
 use super::*;
@@ -8,8 +8,8 @@ fn nodes_in_all(setup: &Setup, method: &str, light: Light) -> u64 {
     setup.shadow(method, light).report.nodes_total.unwrap()
 }
 
-/// The exact curve of a texel's ray as a polyline, from where it meets extinction to where it is over; `None` where it meets
-/// less than shows.
+/// Exact curve of a texel's ray as a polyline, from the first extinction to the end; `None` for too little
+/// extinction.
 fn exact_polyline(field: &ExactField, map: &ShadowMap, texel: [u32; 2]) -> Option<Vec<Point>> {
     const POINTS: usize = 1500;
     let space = &map.light_space;
@@ -30,7 +30,7 @@ fn exact_polyline(field: &ExactField, map: &ShadowMap, texel: [u32; 2]) -> Optio
     Some(points)
 }
 
-/// Nodes of some texels together: greedy, optimal, and the fewest in float64.
+/// Number of curve nodes of some texels together: greedy, optimal, and the fewest in float64.
 fn compared(setup: &Setup, epsilon: f64, map: u32, light: Light, stride: u32) -> [u64; 3] {
     let field = setup.exact();
     let [greedy, optimal] = ["greedy", "optimal"]
@@ -74,7 +74,8 @@ fn fewer_nodes_than_greedy_on_every_phantom() {
     }
 }
 
-/// Extinction that is the same everywhere: each line touches the ceiling once, and goes from floor to floor.
+/// Constant extinction takes the minimal number of lines: each touches the ceiling once, and goes from floor to
+/// floor.
 #[test]
 fn an_exponential_takes_the_lines_that_it_must() {
     const DEPTH: f64 = 4.0;
@@ -115,7 +116,7 @@ fn an_exponential_takes_the_lines_that_it_must() {
     let light = Light::Directional { toward: DVec3::Z };
     let mut checked = 0;
     for epsilon in [0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06] {
-        // The march's own chords are off by 0.0023 at most: where that decides, nothing is known.
+        // The chords of the march have errors up to 0.0023: closer cases are not decided.
         let (most, least) = (expected((epsilon - 0.0024f64).max(1e-4)), expected(epsilon + 0.0024));
         if most != least {
             continue;
@@ -130,7 +131,7 @@ fn an_exponential_takes_the_lines_that_it_must() {
     assert!(checked >= 3, "{checked}");
 }
 
-/// Four sheets, each of which halves the light within a 50th of a voxel: a line down each and one between two.
+/// Four sheets, each of which halves the light within a 50th of a voxel, take a line each and one between two.
 #[test]
 fn sheets_take_two_nodes_each() {
     let volume = phantom("comb:16");
@@ -145,7 +146,8 @@ fn sheets_take_two_nodes_each() {
     }
 }
 
-/// A matter so thin that the whole ray keeps within twice epsilon takes one node, and none is kept of what meets nothing.
+/// Matter so thin that the whole curve stays within twice epsilon takes one node; a ray that meets nothing takes
+/// none.
 #[test]
 fn thin_matter_takes_one_node() {
     let volume = phantom("slab:16");

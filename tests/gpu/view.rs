@@ -1,10 +1,10 @@
-//! Maps across what the camera sees: right where the picture shows something, and finer there.
+//! Shadow maps fitted to the camera's view: correct at visible points, and finer there.
 
 use super::*;
 use umbravox::measure::errors::VisiblePoints;
 use umbravox::scene::Camera;
 
-/// At infinity, and two and a half times as far away as the volume's corners.
+/// Lights at infinity, and two and a half times as far away as the volume's corners.
 fn lights(volume: &Volume) -> [Light; 2] {
     let toward = DVec3::new(0.4, -0.5, 0.7);
     let middle =
@@ -13,7 +13,7 @@ fn lights(volume: &Volume) -> [Light; 2] {
     [Light::Directional { toward }, Light::Point { position: middle + distance * toward }]
 }
 
-/// The whole, a part of it from outside, and a camera in the middle of it.
+/// Cameras that show the whole volume, a part of it from outside, and one in the middle of it.
 fn cameras(volume: &Volume) -> [Camera; 3] {
     let whole = Camera::framing(volume, DVec3::Z, 40.0);
     let aside = whole.target + DVec3::new(6.0, -4.0, 5.0);
@@ -57,7 +57,7 @@ fn a_map_of_the_view_is_finer_than_one_of_the_volume() {
                 assert!(view < whole + 2e-3, "{what}");
                 if i == 1 {
                     assert!(fine < 0.9 * wide && few < many, "{what}");
-                    // What layers miss along the ray is as before; where hardly anything is wrong, chance decides.
+                    // Errors of layers along the ray stay; where errors are tiny, chance decides.
                     assert!(view < 0.7 * whole || !method.starts_with("dsm") || whole < 1e-3, "{what}");
                 }
             }
@@ -67,7 +67,7 @@ fn a_map_of_the_view_is_finer_than_one_of_the_volume() {
 
 #[test]
 fn no_edge_of_the_map_shows_in_the_picture() {
-    // A haze through which every point of the picture is lit alike but for its depth: what lies outside the map is not.
+    // A haze in which every visible point is lit alike except for its depth; points outside the map are not.
     let volume = phantom("slab:32");
     let tf = opacity(&[(0.0, 0.02), (2000.0, 0.02)]);
     let Some(setup) = Setup::open(&volume, &tf) else { return };
@@ -121,7 +121,7 @@ fn maps_choose_texels_as_wide_as_voxels_and_finer_where_those_are_large() {
         };
         let texel = space(whole, 60).texel_mm();
         assert!((0.7..=1.0).contains(&(texel / voxel)), "{light:?}: {texel} mm, voxels {voxel} mm");
-        // Zoomed in, two pixels a texel, and no less than half a voxel.
+        // Zoomed in, the map has two pixels per texel, and texels of at least half a voxel.
         let near = space(part, 400);
         assert!((0.48..0.6).contains(&(near.texel_mm() / voxel)), "{light:?}: {}", near.texel_mm());
         let everywhere = setup.session.shadow(method.as_ref(), light).unwrap().light_space;

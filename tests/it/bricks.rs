@@ -1,4 +1,4 @@
-//! Bricks: lossless ranges, classification and distances against brute force.
+//! Bricks of a volume: their value ranges, classification and distances, against brute force.
 
 use fastrand::Rng;
 use glam::DAffine3;
@@ -11,7 +11,7 @@ fn volume(voxels: Voxels, scaling: Scaling) -> Volume {
     Volume::new(voxels, scaling, DAffine3::IDENTITY, Provenance::new("test", "test", "test")).unwrap()
 }
 
-/// A random volume of any type, size and scaling.
+/// Creates a random volume of any type, size and scaling.
 fn random_volume(random: &mut Rng) -> Volume {
     let dims = [0; 3].map(|_| 1 + random.usize(..26));
     let shape = (dims[2], dims[1], dims[0]);
@@ -80,7 +80,7 @@ fn random_transfer_function(random: &mut Rng) -> TransferFunction {
     transfer_function(&points)
 }
 
-/// Whether a value has extinction, by comparisons alone.
+/// Whether a transfer function has extinction at a value, found by comparisons alone.
 fn has_extinction(tf: &TransferFunction, value: f64) -> bool {
     let before = tf.points.iter().rev().find(|p| p.value <= value);
     let after = tf.points.iter().find(|p| p.value > value);
@@ -156,7 +156,7 @@ fn intervals_of_ordinary_functions() {
     }
 }
 
-/// Bricks whose activity is given: value 1 where active.
+/// Creates bricks of which some are active: those get value 1.
 fn seeded(counts: [usize; 3], is_active: impl FnMut(usize) -> bool) -> Bricks {
     let total = counts.iter().product();
     let min: Vec<f64> = (0..total).map(is_active).map(|a| f64::from(u8::from(a))).collect();
@@ -209,7 +209,7 @@ fn distances_stop_at_255() {
     }
 }
 
-/// Framing and the device share the bricks of one volume: they are computed at the first use and never again.
+/// Camera framing and the device share the bricks of a volume: they are computed once, at the first use.
 #[test]
 fn bricks_are_computed_once_per_volume() {
     let volume = random_volume(&mut Rng::with_seed(3));

@@ -1,4 +1,4 @@
-//! Light space in float64: rays and points are each other's inverse, tiles cover what they must.
+//! Light space in float64: rays and points are inverse to each other, and tiles cover all active bricks.
 
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
@@ -53,7 +53,7 @@ fn rays_and_points_are_inverse() {
                 found.distance(texel) < 1e-6 && (depth - z).abs() < 1e-6,
                 "{projection:?}: {texel} {found}, {z} {depth}"
             );
-            // Away from the light, and through it.
+            // The ray points away from the light, and passes through it.
             match light {
                 Light::Directional { toward } => assert!(direction.dot(toward.normalize()) < -1.0 + 1e-12),
                 Light::Point { position } => {
@@ -66,7 +66,7 @@ fn rays_and_points_are_inverse() {
     }
 }
 
-/// Random points of active bricks fall into a tile that is kept, within the range of depths, whatever the map's size.
+/// Random points of active bricks lie in a built tile and within the depth range, for any size of the shadow map.
 #[test]
 fn tiles_cover_every_active_brick() {
     let (volume, active) = chest();
@@ -124,7 +124,7 @@ fn tiles_without_bricks_are_left_out() {
     );
 }
 
-/// Random points of what a camera sees lie within the texels of a map fitted to that, one texel from its rim or more.
+/// Random visible points lie inside a shadow map that is fitted to the view, at least one texel from its edge.
 #[test]
 fn a_map_of_a_view_covers_the_visible_points() {
     let (volume, active) = chest();

@@ -1,4 +1,4 @@
-//! Readings that say how far they are, and end when they are told to.
+//! Reading of files reports progress and stops when it is cancelled.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use umbravox::open::{VolumeSpec, load};
 use umbravox::strands::{StrandSet, write_hair};
 use umbravox::volume::Histogram;
 
-/// Values that a compressor makes little of.
+/// Random bytes, which a compressor cannot shorten much.
 fn noise(bytes: usize) -> Vec<u8> {
     let mut state = 1_u64;
     let next = |_| {
@@ -20,7 +20,7 @@ fn noise(bytes: usize) -> Vec<u8> {
     (0..bytes).map(next).collect()
 }
 
-/// One volume in every form, `n` voxels a side.
+/// Writes one volume of `n` voxels a side in every file format.
 fn files(folder: &Path, n: usize) -> Vec<PathBuf> {
     let raw = folder.join(format!("noise_{n}x{n}x{n}_uint16.raw"));
     std::fs::write(&raw, noise(2 * n * n * n)).unwrap();
@@ -42,7 +42,7 @@ fn spec(source: &str) -> VolumeSpec {
     spec
 }
 
-/// Reading as the window does it: everything but the picture, watched from another thread.
+/// Reads a volume as the window does, watched from another thread.
 fn watched(
     source: &str,
     mut each: impl FnMut(&Loading, ReadingProgress),
@@ -86,7 +86,7 @@ fn the_share_rises_to_one_and_the_volume_is_the_same() {
 fn a_packed_file_is_as_far_as_its_packed_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let path = files(dir.path(), 40).pop().unwrap();
-    // The second half of the file does not arrive: the reading ends there, as far as it came.
+    // Half of the file is missing: reading ends there, with the progress so far.
     let bytes = std::fs::read(&path).unwrap();
     let half = dir.path().join("half.nii.gz");
     std::fs::write(&half, &bytes[..bytes.len() / 2]).unwrap();
@@ -97,12 +97,12 @@ fn a_packed_file_is_as_far_as_its_packed_bytes() {
         ReadingProgress { stage: ReadingStage::Unpacking, share: 0.85 },
         "all of it was read"
     );
-    // Followed by as much again that is never looked at, the voxels are the first half.
+    // If as many bytes follow that are never read, the voxels are the first half.
     let mut more = std::fs::File::options().append(true).open(&path).unwrap();
     more.write_all(&noise(bytes.len())).unwrap();
     let loading = Loading::default();
     let outcome = spec(path.to_str().unwrap()).read(&loading);
-    // What follows the stream is no gzip: it is refused, but only after the voxels.
+    // The bytes behind the stream are no gzip: they are refused, but only after the voxels.
     assert!(outcome.unwrap_err().to_string().contains("damaged after the voxels"));
     let share = loading.progress().share / 0.85;
     // Read-ahead is 64 KiB.

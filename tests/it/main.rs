@@ -1,5 +1,4 @@
-//! Tests that need no graphics device: file formats, the float64 reference, strands, shaders as text, commands, the
-//! repository itself.
+//! Tests without a graphics device: file formats, float64 reference, strands, shader texts, commands, the repository.
 
 mod bricks;
 mod cli;

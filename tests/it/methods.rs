@@ -1,9 +1,10 @@
-//! Settings of every shadow method: how each is written, shown in tables and refused. A new method adds its rows here.
+//! Settings of every shadow method: how they are parsed, shown in tables and refused. A new method adds its rows
+//! here.
 
 use std::collections::BTreeSet;
 use umbravox::shadow::{METHODS, parse_list};
 
-/// Lists of methods as on the command line, and the `params` of their rows. A default is not shown.
+/// Lists of shadow methods as on the command line, and the `params` of their table rows. Defaults are not shown.
 const ACCEPTED: &[(&str, &[&str])] = &[
     ("none", &[""]),
     ("rays", &[""]),
@@ -83,7 +84,7 @@ const ACCEPTED: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Methods that are refused, and a part of the message.
+/// Shadow methods that are refused, and a part of the error message.
 const REFUSED: &[(&str, &str)] = &[
     ("osm:layers=0", "osm:layers=0): expected 1..512"),
     ("osm:layers=513", "expected 1..512"),

@@ -1,4 +1,4 @@
-//! Phantoms: their closed forms, their files, their limits.
+//! Built-in volumes (phantoms): their closed forms, files and limits.
 
 use std::fs;
 use umbravox::cli::{info::Info, phantom};
@@ -11,7 +11,7 @@ fn build(spec: &str) -> Volume {
     load(&VolumeSpec::new(spec)).unwrap()
 }
 
-/// Integral over z of the interpolated values in the column (i, j), mm: every plane counts one spacing.
+/// Integral over z of the interpolated values in the voxel column (i, j), mm; every plane counts one spacing.
 fn column_integral(volume: &Volume, i: usize, j: usize) -> f64 {
     (0..volume.dims()[2]).map(|k| volume.value(i, j, k)).sum::<f64>() * volume.spacing_mm()[2]
 }
@@ -137,7 +137,7 @@ fn thorax_is_a_chest() {
     assert_eq!(chest.spacing_mm(), [2.8125, 2.8125, 4.0]);
     let [low, high] = chest.value_range();
     assert!(low >= -1024.0 && (600.0..=3071.0).contains(&high), "{low} {high}");
-    // The same every time.
+    // Every build gives the same volume.
     assert_eq!(chest.voxels(), build("phantom:thorax:128").voxels());
 }
 
@@ -183,7 +183,7 @@ fn every_type_and_scaling_is_written() {
             assert_eq!(read.world_from_index(), affine);
         }
     }
-    // Overwritten, and nothing else left behind.
+    // The file is overwritten, and no other file remains.
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 

@@ -1,4 +1,4 @@
-//! Raw files: layouts, sizes that must match, flags.
+//! Raw volume files: layouts, sizes that must match, flags.
 
 use std::fs;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn layout_from_the_flag_or_the_name() {
     assert_eq!(volume.spacing_mm(), [0.5, 1.0, 2.0]);
     assert_eq!(volume.provenance.affine_source, AffineSource::Spacing);
     assert!(volume.provenance.warnings.is_empty());
-    // The flag is stronger than the name; absent spacing is said.
+    // The flag wins over the file name; missing spacing gives a note.
     let volume = load(&VolumeSpec {
         flags: ReadFlags { raw: Some("2x2x3:u16:be".parse().unwrap()), ..Default::default() },
         ..named
@@ -45,7 +45,7 @@ fn layout_from_the_flag_or_the_name() {
     assert_eq!(volume.value(1, 1, 2), f64::from(22 * 256 + 23));
     assert_eq!(volume.provenance.stored_type, "uint16 big-endian");
     assert!(volume.provenance.warnings[0].contains("--spacing"));
-    // The flag is for files of any name.
+    // The flag works for files of any name.
     let other = spec(folder.path(), "scan.dat", &bytes[..8]);
     let volume = load(&VolumeSpec {
         flags: ReadFlags { raw: Some("1x1x1:f64".parse().unwrap()), ..Default::default() },

@@ -1,4 +1,4 @@
-//! The README and the pages of `docs/`: tables equal those of the program, commands are accepted, links have targets, and
+//! README and pages of `docs/`: tables equal those of the program, commands are accepted, links have targets,
 //! sentences are short.
 
 use std::fs;
@@ -9,14 +9,14 @@ use umbravox::transfer::presets::{PRESETS, Scale};
 const FILES: &str = include_str!("../../docs/files.md");
 const METHODS: &str = include_str!("../../docs/methods.md");
 
-/// Markdown files of a folder and of its folders.
+/// Markdown files of a folder and its subfolders.
 fn markdown(folder: &Path) -> Vec<PathBuf> {
     let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let files = paths.flat_map(|path| if path.is_dir() { markdown(&path) } else { vec![path] });
     files.filter(|path| path.extension().is_some_and(|e| e == "md")).collect()
 }
 
-/// Every page with its text.
+/// Every documentation page with its text.
 fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let single = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "python/README.md"];
@@ -24,7 +24,7 @@ fn pages() -> Vec<(PathBuf, String)> {
     paths.map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
 
-/// The fenced blocks of a page: what stands behind the opening fence, and the text.
+/// Fenced code blocks of a page: the info string behind the opening fence, and the text.
 fn blocks(page: &str) -> impl Iterator<Item = (&str, &str)> {
     page.split("```").skip(1).step_by(2).map(|block| block.split_once('\n').unwrap_or((block, "")))
 }
@@ -63,7 +63,7 @@ fn the_method_table_has_every_method_and_key() {
     }
 }
 
-/// The words of a command line, as a shell tells them apart; what follows a `#` is not of it.
+/// Splits a command line into words as a shell does; text behind a `#` is a comment.
 fn words(line: &str) -> Vec<String> {
     let (mut words, mut quoted) = (vec![String::new()], false);
     for c in line.chars() {
@@ -94,7 +94,7 @@ fn every_command_shown_is_accepted() {
     assert!(count > 20, "only {count} commands found");
 }
 
-/// The name by which a link finds a heading.
+/// Anchor by which a link finds a heading.
 fn anchor(heading: &str) -> String {
     let text = heading.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
     text.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
@@ -119,7 +119,7 @@ fn every_link_leads_to_a_file_and_a_heading_of_it() {
     }
 }
 
-/// Prose of a page without code, tables, headings and pictures; a paragraph or list item each.
+/// Prose of a page without code, tables, headings and pictures, one entry for each paragraph or list item.
 fn paragraphs(page: &str) -> Vec<String> {
     let text: String = page.split("```").step_by(2).collect::<Vec<_>>().join("\n\n");
     let mut paragraphs = vec![String::new()];
@@ -136,7 +136,7 @@ fn paragraphs(page: &str) -> Vec<String> {
     paragraphs
 }
 
-/// Numbers of words of the sentences of a paragraph.
+/// Number of words of each sentence of a paragraph.
 fn sentence_lengths(paragraph: &str) -> Vec<usize> {
     let mut lengths = vec![0];
     for word in paragraph.replace("et al.", "et al").split_whitespace() {
@@ -164,12 +164,12 @@ fn sentences_of_the_pages_are_short() {
     assert!(mean <= 18.0, "mean words a sentence: {mean}");
 }
 
-/// Text of a cell of a table.
+/// Escapes a text for a cell of a Markdown table.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
 
-/// The page of all settings of the methods.
+/// Text of the page with all settings of the shadow methods.
 fn settings_page() -> String {
     let mut page = String::from(
         "# Settings of the methods\n\
@@ -191,7 +191,7 @@ fn settings_page() -> String {
     page
 }
 
-/// Table of flags with their values and help.
+/// Markdown table of flags with their values and help.
 fn flag_table<'a>(flags: impl Iterator<Item = &'a clap::Arg>) -> String {
     let mut table = String::from("\n| flag | value | meaning |\n|---|---|---|\n");
     for flag in flags {
@@ -215,7 +215,7 @@ fn flag_table<'a>(flags: impl Iterator<Item = &'a clap::Arg>) -> String {
     table
 }
 
-/// The page of all flags of the commands; flags of a scene are listed once.
+/// Text of the page with all flags of the commands; flags of a scene are listed once.
 fn flags_page() -> String {
     let mut page = String::from(
         "# Flags\n\

@@ -1,5 +1,5 @@
-//! `report.html` in a headless browser, where one is installed: it opens without the network, shows its plots and
-//! pictures, and its table sorts.
+//! `report.html` in a headless browser, if one is installed: it opens without a network, shows plots and pictures,
+//! and its table sorts.
 
 use crate::common::Requirement;
 use ndarray::{Array2, arr2};
@@ -11,10 +11,10 @@ use umbravox::report::html::{Conditions, Pictured, html};
 use umbravox::shadow::NodeMap;
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
-/// A loaded machine may take long to start a browser.
+/// Time limit for the browser, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// The first browser on the path, or `None` and a visible line.
+/// Finds the first browser on the path; `None` and a printed line if there is none.
 fn browser() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let found = std::env::split_paths(&path)
@@ -26,8 +26,8 @@ fn browser() -> Option<PathBuf> {
     found
 }
 
-/// The document as the browser has it once it is loaded, or `None` and a visible line where the browser does not even show
-/// an empty page.
+/// Returns the document after the browser has loaded it; `None` and a printed line if the browser cannot even show an
+/// empty page.
 fn dom(browser: &Path, page: &Path) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let empty = folder.path().join("empty.html");
@@ -62,7 +62,7 @@ fn dump(browser: &Path, page: &Path) -> Option<String> {
         std::thread::sleep(Duration::from_millis(50));
     };
     let text = std::fs::read_to_string(&out).unwrap();
-    // One that cannot start at all (a stub of a package manager, a sandbox) is as good as none.
+    // A browser that cannot start (a stub of a package manager, a sandbox) counts as missing.
     if !status.success() && text.is_empty() {
         Requirement::Browser.missing(&format!("{} does not run here: {status}", browser.display()));
         return None;
@@ -70,7 +70,7 @@ fn dump(browser: &Path, page: &Path) -> Option<String> {
     Some(text)
 }
 
-/// Four rows with a picture each, one with an error picture and one with nodes.
+/// Creates a report with four rows with a picture each, one with an error picture and one with curve nodes.
 fn report() -> String {
     let mut png = Vec::new();
     let picture = image::RgbImage::from_fn(8, 8, |x, y| image::Rgb([x as u8 * 30, y as u8 * 30, 99]));
@@ -105,7 +105,7 @@ fn report() -> String {
     html(&conditions, &pictured).unwrap()
 }
 
-/// Opens a page, with more script behind its own, and gives the document as it then is.
+/// Opens a page with an additional script, and returns the resulting document.
 fn open(page: &str, script: &str) -> Option<String> {
     let browser = browser()?;
     let folder = tempfile::tempdir().unwrap();
@@ -135,7 +135,7 @@ fn the_report_opens_and_shows_its_table_plots_and_pictures() {
 
 #[test]
 fn pictures_that_are_broken_do_not_count() {
-    // What the check is worth: a report with a damaged picture and without one plot says so.
+    // The test itself works: it detects a damaged picture and a missing plot.
     let page = report();
     let at = page.find("data:image/png;base64,").unwrap() + 40;
     let broken = format!("{}!{}", &page[..at], &page[at + 1..]);
@@ -148,7 +148,7 @@ fn pictures_that_are_broken_do_not_count() {
 #[test]
 fn main_columns_are_visible_and_all_on_request() {
     let script = "
-        // A row with many settings, and one with much to say.
+        // A row with many settings, and one with many notes.
         const long = 'dsm epsilon=0.005 prefilter=5 march=samples step=0.5 filter=bilinear fit=view map=512';
         document.querySelectorAll('#rows tbody th a')[2].textContent = long;
         const cell = document.querySelector('#rows td.long > div');
@@ -201,7 +201,7 @@ fn headings_sort_numbers_as_numbers_with_gaps_last() {
 
 #[test]
 fn no_request_goes_to_the_network() {
-    // The policy holds even against script that tries.
+    // The content security policy blocks even added scripts.
     let script = "
         const p = new Image();
         document.addEventListener('securitypolicyviolation', (e) => {

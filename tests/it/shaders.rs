@@ -1,4 +1,4 @@
-//! Every shader composes and validates without a device, whatever a flag, a method's settings or an adapter asks for.
+//! Every shader composes and validates without a device, for all flags, settings of shadow methods, and adapters.
 
 use crate::common::{self, Requirement, SIZES};
 use rayon::prelude::*;
@@ -13,15 +13,15 @@ use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
-/// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
+/// Settings of shadow methods whose code is independent of the other settings: each is tried with their defaults.
 const ALONE: [&str; 5] = ["lookup", "average", "march", "compress", "from"];
 
-/// Whether a key is to be combined with all others: one that always has an effect, or has one on every march.
+/// Whether a setting is combined with all others: one that always has an effect, or has one on every march.
 fn is_common(when: When) -> bool {
     matches!(when, When::Always | When::Unless("from", _))
 }
 
-/// Every combination of a method's words, with few and many of what it counts.
+/// Every combination of a shadow method's word settings, with small and large values of its counts.
 fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let values = |kind: Kind| match kind {
         Kind::Choice(names) => names.iter().map(|n| n.to_string()).collect(),
@@ -39,7 +39,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let alone = entry.keys.iter().filter(|k| ALONE.contains(&k.name));
     let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
     let mut specs: Vec<String> = alone.collect();
-    // One value at a time: a list has a largest length.
+    // One value at a time, since a list has a largest length.
     match keys.pop() {
         Some((first, values)) => {
             let rest: String =
@@ -51,8 +51,8 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     specs.iter().flat_map(|spec| parse_list(spec).unwrap()).collect()
 }
 
-/// Everything that scenes and settings can ask for, each under all that adapters and transfer functions add. The flag says
-/// that uniforms are read as storage.
+/// All shader variants of scenes and settings, each with all that adapters and transfer functions add. The flag says
+/// that uniforms are read from storage buffers.
 fn variants() -> Vec<(ShaderVariant, bool)> {
     let mut wanted: HashSet<ShaderVariant> = shaders(None).into_iter().collect();
     for entry in METHODS {
@@ -90,8 +90,9 @@ fn hash(value: &impl Hash) -> u64 {
     hasher.finish()
 }
 
-/// Variants that together have every pair of settings of each shader. A setting is a definition that is there or is not,
-/// the value of a constant, or the way uniforms are read. All combinations would be ten times as many.
+/// Selects shader variants that together contain every pair of settings of each shader. A setting is a definition
+/// that is present or not, the value of a constant, or the way uniforms are read. All combinations would be ten times
+/// as many.
 fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, bool)> {
     let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();
     let all: BTreeSet<&str> = variants.iter().flat_map(|(variant, _)| variant.defs.iter().copied()).collect();
@@ -118,7 +119,7 @@ fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, boo
     variants
 }
 
-/// Composes a variant and validates the module.
+/// Composes a shader variant and validates the module.
 fn validated(variant: &ShaderVariant, live: bool) -> (naga::Module, naga::valid::ModuleInfo) {
     let module = compose(variant, live).unwrap_or_else(|e| panic!("{variant:?}: {e}"));
     let mut validator = naga::valid::Validator::new(
@@ -137,7 +138,7 @@ fn validated(variant: &ShaderVariant, live: bool) -> (naga::Module, naga::valid:
     (module, info)
 }
 
-/// Writes a module as each kind of driver gets it. None of these drivers is on the machine that tests.
+/// Translates a shader module for each kind of driver. None of these drivers is needed on the test machine.
 fn translate(
     variant: &ShaderVariant,
     module: &naga::Module,

@@ -1,17 +1,17 @@
-//! House rules that a reader meets first: how doc comments open, how long files and functions are.
+//! Style rules: how doc comments open, and how long files and functions are.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Lines of a file.
+/// Largest number of lines of a source file.
 const LONGEST_FILE: usize = 450;
-/// Lines of a function. A longer one has a comment `// Long: REASON` above it.
+/// Largest number of lines of a function. A longer one needs a comment `// Long: REASON` above it.
 const LONGEST_FUNCTION: usize = 80;
 
-/// Openings that leave a reader to guess the subject of the sentence.
+/// Opening words of a comment that leave the subject of the sentence unclear.
 const RIDDLES: [&str; 5] = ["What", "Of", "As", "The same", "Those"];
 
-/// Files below some folders with one ending, with their texts.
+/// Files with one extension below some folders, with their texts.
 fn files(folders: &[&str], ending: &str) -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut open: Vec<PathBuf> = folders.iter().map(|folder| root.join(folder)).collect();
@@ -34,7 +34,7 @@ fn assert_none(rule: &str, offenders: &[String]) {
     assert!(offenders.is_empty(), "{} offenders: {rule}\n{}", offenders.len(), offenders.join("\n"));
 }
 
-/// First lines of comments that open with a riddle, as `line number: text`. `markers` begin a comment.
+/// First lines of comments that open with such words, as `line number: text`. `markers` begin a comment.
 fn riddles(text: &str, markers: &[&str]) -> Vec<String> {
     let comment = |line: &str| {
         let line = line.trim_start();

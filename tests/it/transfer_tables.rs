@@ -1,8 +1,8 @@
-//! The tables made from a transfer function: integrals, interval look-up, pre-compressed nodes.
+//! Device tables of a transfer function: integrals, search of intervals, breakpoints between pairs of values.
 
 use umbravox::transfer::{PairTable, Quantity, TexelMapping, TransferFunction, TransferTables};
 
-/// Texels 0 to 1000 hold the values -200 to 300.
+/// Mapping in which texels 0 to 1000 hold the values -200 to 300.
 const MAPPING: TexelMapping = TexelMapping { scale: 0.5, offset: -200.0 };
 const TEXELS: [f64; 2] = [0.0, 1000.0];
 
@@ -59,7 +59,7 @@ fn integrals_agree_with_fine_sums() {
     }
 }
 
-/// Interval of a value, found like `interval_at` of `shaders/field/transfer.wgsl`.
+/// Finds the interval of a texel value like `interval_at` of `shaders/field/transfer.wgsl`.
 fn interval_at(tables: &TransferTables, texel: f32) -> usize {
     let last = tables.interval_of_bin.len() - 1;
     let bin = ((texel - tables.bin_origin) * tables.bins_per_value).clamp(0.0, last as f32) as usize;
@@ -100,7 +100,7 @@ fn every_value_finds_its_interval_and_extinction() {
 #[test]
 fn pair_nodes_hold_the_breakpoints_between_two_values() {
     let mut more = 0;
-    // The breakpoint of a constant bends nothing, and so is no node.
+    // A breakpoint between constant parts bends nothing, and is no node.
     for tf in functions().into_iter().filter(|tf| tf.points.len() > 1) {
         let tables = tables(&tf);
         let pairs = PairTable::build(&tf, MAPPING);
@@ -124,7 +124,7 @@ fn pair_nodes_hold_the_breakpoints_between_two_values() {
                 wanted.reverse();
             }
             let nodes: Vec<u32> = packed.iter().copied().filter(|n| *n < 0xfffe).collect();
-            // In the order in which a value going from a to b meets them.
+            // Breakpoints come in the order in which a value from a to b meets them.
             let ordered = nodes.windows(2).all(|w| if a < b { w[0] < w[1] } else { w[0] > w[1] });
             assert!(ordered || bin(a) == bin(b), "{packed:?}");
             if packed[3] == 0xfffe {

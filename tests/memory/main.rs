@@ -1,4 +1,4 @@
-//! Peak memory of reading: at most one and a half times the bytes of the voxels, counted by an allocator.
+//! Peak memory of reading volumes: at most one and a half times the bytes of the voxels, counted by an allocator.
 //!
 //! A program of its own, whose tests run one after the other: memory is counted for the whole process.
 
@@ -17,7 +17,7 @@ use umbravox::formats::write_volume;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
 use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
-/// The system's allocator, and how much of its memory is taken and was at most.
+/// System allocator that counts the present and the peak memory.
 struct Counting;
 
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
@@ -28,36 +28,36 @@ fn take(bytes: usize) {
     MOST.fetch_max(taken, Ordering::Relaxed);
 }
 
-// SAFETY: every call is handed on to the system's allocator as it came.
+// SAFETY: every call is passed on unchanged to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         take(layout.size());
-        // SAFETY: as the caller has it.
+        // SAFETY: the caller satisfies the contract of the system allocator.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         take(layout.size());
-        // SAFETY: as the caller has it.
+        // SAFETY: the caller satisfies the contract of the system allocator.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
         TAKEN.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller has it.
+        // SAFETY: the caller satisfies the contract of the system allocator.
         unsafe { System.dealloc(at, layout) }
     }
 
-    // Large blocks are moved by their pages: old and new ones do not stand beside each other.
+    // The system moves large blocks by remapping pages: old and new blocks do not exist at the same time.
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         TAKEN.fetch_sub(layout.size(), Ordering::Relaxed);
         take(size);
-        // SAFETY: as the caller has it.
+        // SAFETY: the caller satisfies the contract of the system allocator.
         unsafe { System.realloc(at, layout, size) }
     }
 }
 
-/// Held by each test of this program.
+/// Lock that each test of this program takes, so that they run one after the other.
 static ALONE: Mutex<()> = Mutex::new(());
 
 #[global_allocator]
@@ -69,7 +69,7 @@ fn value(i: usize, j: usize, k: usize) -> i16 {
     ((i * 31 + j * 17 + k * 7) % 3001) as i16 - 1000
 }
 
-/// Every voxel's value, the last index fastest, by the sizes of the axes and what makes a place of their indices.
+/// Writes a file: a header, then the bytes that a function writes.
 fn write(path: &Path, header: &[u8], bytes: impl Fn(&mut BufWriter<File>)) {
     let mut file = BufWriter::new(File::create(path).unwrap());
     file.write_all(header).unwrap();
@@ -84,7 +84,7 @@ fn each(mut with: impl FnMut(i16)) {
     }
 }
 
-/// Files of every way to store the same voxels.
+/// Files that store the same voxels in every supported way.
 fn files(home: &Path) -> Vec<(String, ReadFlags)> {
     let [nx, ny, nz] = DIMS;
     let voxels = Voxels::I16(Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| value(i, j, k)));
@@ -151,7 +151,7 @@ fn files(home: &Path) -> Vec<(String, ReadFlags)> {
     names
 }
 
-/// An array in one chunk.
+/// Writes a Zarr array in one chunk.
 fn zarr(home: &Path) {
     let [nx, ny, nz] = DIMS;
     let folder = home.join("one.zarr");
@@ -164,7 +164,7 @@ fn zarr(home: &Path) {
     write(&folder.join("0.0.0"), b"", |f| each(|v| f.write_all(&v.to_le_bytes()).unwrap()));
 }
 
-/// Pages of two channels, one after the other, as ImageJ has them.
+/// Writes TIFF pages of two channels, one after the other, as ImageJ does.
 fn tiff(home: &Path) {
     use tiff::encoder::{TiffEncoder, colortype::Gray16};
     let [nx, ny, nz] = DIMS;
@@ -199,7 +199,7 @@ fn readers_take_little_more_than_the_voxels() {
         }
     }
     assert!(faults.is_empty(), "{faults:?}");
-    // What no host can hold is refused in numbers, before any of it is taken: a file of holes.
+    // A volume too large for any host is refused with its size before memory is taken; the file is sparse.
     let path = home.path().join("huge_60000x60000x1000_u8.raw");
     File::create(&path).unwrap().set_len(60_000 * 60_000 * 1000).unwrap();
     let before = TAKEN.load(Ordering::Relaxed);

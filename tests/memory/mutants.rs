@@ -1,7 +1,8 @@
-//! Damaged files: whatever they hold, a reader answers with what they hold or with one line, soon, and in little memory.
+//! Damaged volume files: a reader returns their values or a one-line error, quickly, and in little memory.
 //!
-//! `UMBRAVOX_MUTANTS=N` tries N of each file instead of those of `common::SIZES`, after the first `UMBRAVOX_MUTANTS_AFTER`;
-//! `UMBRAVOX_MUTANTS_OF=nrrd,npy` only of these kinds. What failed is kept in a folder that the message names.
+//! `UMBRAVOX_MUTANTS=N` tries N of each file instead of those of `common::SIZES`, after the first
+//! `UMBRAVOX_MUTANTS_AFTER`; `UMBRAVOX_MUTANTS_OF=nrrd,npy` only of these kinds. What failed is kept in a folder that
+//! the message names.
 
 use crate::common::{SIZES, copy};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,7 +15,7 @@ use umbravox::open::{VolumeSpec, load};
 use umbravox::transfer::TransferFunction;
 use umbravox::{strands, transfer};
 
-/// Kind of a file, which selects its reader.
+/// Kind of a damaged file, which selects its reader.
 #[derive(Clone, Copy)]
 enum Of {
     Volume,
@@ -23,7 +24,7 @@ enum Of {
 }
 
 impl Of {
-    /// Reads a file, and uses what it held.
+    /// Reads a damaged file, and uses its contents.
     fn read(self, path: &Path) -> umbravox::Result<()> {
         match self {
             Self::Volume => load(&VolumeSpec::new(path.to_string_lossy())).map(|_| ()),
@@ -38,7 +39,7 @@ impl Of {
     }
 }
 
-/// One file is damaged; those beside it are there as they were.
+/// Sample file that is damaged; files beside it stay unchanged.
 struct Seed {
     of: Of,
     kind: &'static str,
@@ -144,7 +145,7 @@ static SEEDS: &[Seed] = &[
     transfer("own-tf", "own.json"),
 ];
 
-/// Words that headers are made of, put where they do not belong.
+/// Words that occur in file headers, inserted at random places.
 const WORDS: [&[u8]; 26] = [
     b"4294967295",
     b"-1",
@@ -177,7 +178,7 @@ const WORDS: [&[u8]; 26] = [
 fn mutate(random: &mut fastrand::Rng, bytes: &mut Vec<u8>) {
     for _ in 0..1 + random.usize(..4) {
         let at = random.usize(..bytes.len().max(1)).min(bytes.len().saturating_sub(1));
-        // Headers come first, and are where the harm is.
+        // Most positions are in the header, at the beginning of the file, where damage matters most.
         let at = if random.bool() { at.min(random.usize(..700)) } else { at };
         if bytes.is_empty() {
             return;
@@ -218,7 +219,7 @@ fn mutate(random: &mut fastrand::Rng, bytes: &mut Vec<u8>) {
     }
 }
 
-/// A folder with every seed in it.
+/// Creates a folder with all sample files.
 fn seeds_in(home: &Path) {
     use umbravox::formats::write_volume;
     use umbravox::phantom::Phantom;
@@ -226,7 +227,7 @@ fn seeds_in(home: &Path) {
     for folder in ["formats/files", "formats/transfer", "data/strands"] {
         copy(&tests.join(folder), home);
     }
-    // Files that no other library made.
+    // Files written by this program alone.
     let volume = Phantom::Shell.build(8).unwrap();
     for name in ["one.nii", "one.nii.gz", "v.raw"] {
         write_volume(&volume, &home.join(name)).unwrap();
@@ -235,25 +236,25 @@ fn seeds_in(home: &Path) {
     strands::write_hair(&curls, &home.join("own.hair")).unwrap();
 }
 
-/// The most memory that this process has had, in bytes; `None` where the system does not say.
+/// Peak memory of this process, bytes; `None` if the system does not report it.
 fn peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok().map(|kb| kb << 10)
 }
 
-/// Results of the mutants of one seed.
+/// Counts of the damaged copies (mutants) of one sample file.
 #[derive(Default)]
 struct Counts {
     tried: AtomicUsize,
     read: AtomicUsize,
 }
 
-/// State that all threads share.
+/// State that all threads of a run share.
 struct Run {
     seeds: Vec<&'static Seed>,
     counts: Vec<Counts>,
-    /// Mutants of each seed, and those before them that another run has tried.
+    /// Number of mutants of each sample file, and of those before them that another run has tried.
     count: usize,
     after: usize,
     next: AtomicUsize,
@@ -262,7 +263,7 @@ struct Run {
     kept: PathBuf,
 }
 
-/// Mutants of one seed in a row, so that files are put back seldom.
+/// Number of successive mutants of one sample file, so that files are seldom restored.
 const ROUND: usize = 500;
 
 impl Run {
@@ -283,7 +284,7 @@ impl Run {
         }
     }
 
-    /// Takes rounds until there are none.
+    /// Works on rounds of mutants until none are left.
     fn work(&self) {
         let home = tempfile::tempdir().unwrap();
         seeds_in(home.path());
@@ -296,7 +297,7 @@ impl Run {
             }
             let path: PathBuf = home.path().join(self.seeds[place].damaged);
             let whole = std::fs::read(&path).unwrap();
-            // Whatever else is tried beside it, a seed has the same mutants in the same order.
+            // A sample file has the same mutants in the same order, independent of the others.
             let seed = SEEDS.iter().position(|seed| std::ptr::eq(seed, self.seeds[place])).unwrap();
             let from = (self.after / ROUND + round) as u64;
             let mut random = fastrand::Rng::with_seed(from.wrapping_mul(1_000_003) ^ (seed as u64) << 40);
@@ -317,7 +318,7 @@ impl Run {
         }
     }
 
-    /// Opens the mutant that lies in `home`; what is wrong with what came of it.
+    /// Opens the mutant in `home`, and describes what is wrong with the result, if anything.
     fn attempt(&self, place: usize, home: &Path) -> Option<String> {
         let (seed, counts) = (self.seeds[place], &self.counts[place]);
         let path = home.join(seed.opened);
@@ -328,7 +329,7 @@ impl Run {
         };
         let (mut result, mut took) = timed();
         if took > Duration::from_secs(1) {
-            // Other programs may have held the machine: the second time counts.
+            // Other programs may have slowed the machine: the second time counts.
             (result, took) = timed();
         }
         counts.tried.fetch_add(1, Ordering::Relaxed);
@@ -349,7 +350,7 @@ impl Run {
         fault.or_else(|| (took > Duration::from_secs(1)).then(|| format!("it takes {took:?}")))
     }
 
-    /// Says what was done, and fails where something is wrong.
+    /// Prints what was done, and fails if anything is wrong.
     fn judge(self) {
         for (Seed { kind, damaged, .. }, counts) in self.seeds.iter().zip(&self.counts) {
             let (tried, read) = (counts.tried.load(Ordering::Relaxed), counts.read.load(Ordering::Relaxed));

@@ -1,4 +1,4 @@
-// Light at a point in a scene with opaque triangles: the transmittance of the method, and 0 behind a triangle.
+// Transmittance from the light in a scene with opaque triangles: that of the shadow method, and 0 behind a triangle.
 #define_import_path umbravox::mesh_light
 
 #import umbravox::field::{field, safe_inverse, box_span}
@@ -6,9 +6,10 @@
 #import umbravox::mesh::{mesh_hit, NO_TRIANGLE}
 #import umbravox::method::transmittance
 
-// Distance towards the light, in smallest voxel spacings, up to which a triangle is the surface that the point lies on.
+// Distance towards the light, in smallest voxel spacings, within which a triangle counts as the surface on which the
+// point lies.
 const SURFACE_GAP: f32 = #{SURFACE_GAP};
-// Rounding of positions in float32, as a share of a coordinate.
+// Relative rounding error of positions in float32.
 const POSITION_ROUNDING: f32 = 1e-6;
 
 // Returns the transmittance from the light to a grid-space point, which may lie outside the domain.
@@ -18,7 +19,8 @@ fn light_at(g: vec3<f32>) -> f32 {
     let far = to_light.mm;
     let gap = SURFACE_GAP + POSITION_ROUNDING * max(abs(g.x), max(abs(g.y), abs(g.z)));
     let hidden = mesh_hit(g, d, gap * field.min_spacing_mm, far, true).triangle != NO_TRIANGLE;
-    // Outside the box of the active bricks, the light equals that at the first point of the box towards the light.
+    // Outside the box of the active bricks, the transmittance equals that at the first point of the box towards the
+    // light.
     let span = box_span(g, safe_inverse(d), d, field.active_lo, field.active_hi);
     let enters = max(span.x, 0.0);
     let meets = enters <= min(span.y, far);

@@ -1,4 +1,4 @@
-// The surface at which an eye ray ends.
+// Opaque surface at which an eye ray ends.
 #define_import_path umbravox::surface
 
 #import umbravox::frame::frame
@@ -7,16 +7,16 @@
 #import umbravox::field::FAR
 
 struct Surface {
-    // Depth on the ray, mm; FAR if there is none.
+    // Depth of the surface on the eye ray, mm; FAR if there is none.
     z: f32,
     // Cosine between the light and the normal of the visible side; 0 if the light is on the other side.
     cosine: f32,
-    // Linear RGB.
+    // Colour of the surface, linear RGB.
     color: vec3<f32>,
     met: bool,
 }
 
-// Returns the first surface on o + z d (grid space) behind the depth of the eye.
+// Returns the first surface on the ray o + z d (grid space) behind the depth of the eye.
 fn surface_along(o: vec3<f32>, d: vec3<f32>, eye_mm: f32) -> Surface {
     let hit = mesh_hit(o, d, eye_mm, FAR, false);
     let met = hit.triangle != NO_TRIANGLE;

@@ -1,8 +1,8 @@
 // Opaque triangles in grid space, and the traversal of a bounding volume hierarchy over them.
 //
-// The hierarchy is a list that needs no stack: the content of a box follows it, and every node names the next node for rays
-// that miss its box, and after a triangle. Triangles are tested by the signs of edge functions about the ray (Woop, Benthin
-// and Wald 2013): both triangles of an edge decide alike, so that no ray passes between them.
+// The hierarchy is a list that needs no stack: the content of a box follows it, and every node names the next node
+// for rays that miss its box, and after a triangle. Triangles are tested by the signs of edge functions about the ray
+// (Woop, Benthin and Wald 2013): both triangles of an edge decide alike, so that no ray passes between them.
 #define_import_path umbravox::mesh
 
 #import umbravox::field::FAR
@@ -11,18 +11,18 @@
 
 struct Node {
     lo: vec3<f32>,
-    // Index of the triangle, or NO_TRIANGLE for a box.
+    // Index of the node's triangle, or NO_TRIANGLE for a box.
     triangle: u32,
     hi: vec3<f32>,
     next: u32,
 }
 
 struct Triangle {
-    // Corners in grid space; beside them the unit normal in world space.
+    // Corners of the triangle in grid space (xyz), and its unit normal in world space (the w components).
     a: vec4<f32>,
     b: vec4<f32>,
     c: vec4<f32>,
-    // Linear RGB.
+    // Colour of the triangle, linear RGB.
     color: vec4<f32>,
 }
 
@@ -32,12 +32,12 @@ const NO_TRIANGLE: u32 = #{NO_TRIANGLE};
 @group(3) @binding(1) var<storage, read> mesh_triangles: array<Triangle>;
 
 struct MeshHit {
-    // Depth along the ray, mm; FAR for no hit.
+    // Depth of the hit along the ray, mm; FAR for no hit.
     z: f32,
     triangle: u32,
 }
 
-// Returns the unit normal in world space, by the order of the corners.
+// Returns the unit normal of a triangle in world space; the order of the corners gives its sign.
 fn mesh_normal(triangle: u32) -> vec3<f32> {
     let t = mesh_triangles[triangle];
     return vec3<f32>(t.a.w, t.b.w, t.c.w);
@@ -53,8 +53,8 @@ fn along_ray(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.xyz, v.zxy, axis == 1u), v.yzx, axis == 0u);
 }
 
-// Returns twice the signed area of the triangle of the origin, p and q. Both points are ordered first, so that edge(q, p) is
-// -edge(p, q) to the bit also if the compiler fuses one product of the difference.
+// Returns twice the signed area of the triangle of the origin, p and q. Both points are ordered first, so that
+// edge(q, p) is -edge(p, q) to the bit also if the compiler fuses one product of the difference.
 fn edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
     let turned = p.x > q.x || (p.x == q.x && p.y > q.y);
     let a = select(p, q, turned);
@@ -63,7 +63,7 @@ fn edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
     return select(area, -area, turned);
 }
 
-// Returns the nearest triangle on o + z d between two depths; with `any_hit`, the first hit in the list.
+// Returns the nearest triangle on the ray o + z d between two depths; with `any_hit`, the first hit in the list.
 fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_hit: bool) -> MeshHit {
     let size = abs(d);
     let axis = select(select(2u, 1u, size.y >= size.z), 0u, size.x >= size.y && size.x >= size.z);

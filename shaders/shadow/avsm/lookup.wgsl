@@ -1,4 +1,5 @@
-// `avsm`: lookup in a fixed number of nodes (Salvi et al. 2010, 3.3), linear between the two nodes around a depth.
+// `avsm`: query of the transmittance in a fixed number of curve nodes (Salvi et al. 2010, 3.3), linear between the
+// two nodes around a depth.
 #define_import_path umbravox::texel_curve
 
 #import umbravox::light::light
@@ -7,7 +8,7 @@
 
 fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
     let share = (z - light.depth_start_mm) / light.depth_range_mm;
-    // All light arrives before the first node. A texel without nodes is 0 throughout.
+    // Before the first node the transmittance is 1. A texel without nodes holds zeros.
     var before = vec2<f32>(-1.0, 1.0);
     var after = vec2<f32>(2.0, 1.0);
     var searching = true;
@@ -21,7 +22,7 @@ fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
         before = select(select(before, pair.xy, first_passed), pair.zw, second_passed);
         searching = second_passed;
     }
-    // The curve is level behind the last node.
+    // The curve is constant behind the last node.
     after = select(after, vec2<f32>(before.x + 1.0, before.y), searching);
     after.y = select(after.y, before.y, after.x >= 2.0);
     let w = clamp((share - before.x) / max(after.x - before.x, 1e-12), 0.0, 1.0);

@@ -1,8 +1,8 @@
-// Parameters of `avsm`.
+// Parameters of `avsm` (adaptive volumetric shadow maps).
 #define_import_path umbravox::avsm
 
 struct AvsmParams {
-    // Optical depth whose chord stays within the tolerance at transmittance 1.
+    // Largest optical depth of a piece at transmittance 1 whose chord stays within the error tolerance.
     longest_depth: f32,
 }
 

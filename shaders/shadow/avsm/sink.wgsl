@@ -1,7 +1,7 @@
 // Sink that computes a fixed number of nodes of the visibility function of one ray (Salvi et al. 2010, 3.2).
 //
-// A piece adds one node, or two after a gap. If there are too many nodes, the inner node is removed that changes the area
-// under the curve least, which is the area of the triangle with its neighbours. The neighbours do not move.
+// A piece adds one node, or two after a gap. If there are too many nodes, the inner node is removed that changes the
+// area under the curve least, which is the area of the triangle with its neighbours. The neighbours do not move.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -12,11 +12,11 @@ const NODES: u32 = #{NODES};
 
 struct Sink {
     optical_depth: f32,
-    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    // Largest optical depth of a piece at the present transmittance whose chord stays within the error tolerance.
     longest_depth: f32,
 }
 
-// Depth as a share of the map's range, and transmittance; two more nodes than are stored.
+// Curve nodes: depth as a fraction of the map's range, and transmittance. There are two more than are stored.
 var<private> nodes: array<vec2<f32>, #{NODES} + 2>;
 var<private> count: u32;
 
@@ -29,7 +29,7 @@ fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     return (*sink).longest_depth;
 }
 
-// Removes inner nodes until there is room for two more.
+// Removes inner curve nodes until there is room for two more.
 fn remove_nodes() {
     loop {
         if count <= NODES { break; }
@@ -76,7 +76,7 @@ fn met_extinction() -> bool {
     return count > 0u;
 }
 
-// Returns a node; the curve is level behind the last.
+// Returns a node of the curve, which is constant behind the last node.
 fn node(i: u32) -> vec2<f32> {
     return select(vec2<f32>(2.0, nodes[max(count, 1u) - 1u].y), nodes[min(i, NODES - 1u)], i < count);
 }

@@ -1,4 +1,5 @@
-// `clusters`: lookup in density clusters, each spread evenly around its mean (Mertens et al. 2004).
+// `clusters`: query of the transmittance from density clusters, each spread evenly around its mean (Mertens et al.
+// 2004).
 #define_import_path umbravox::texel_curve
 
 #import umbravox::light::light
@@ -6,9 +7,9 @@
 #import umbravox::vectors_read::vector_at
 
 const CLUSTERS: u32 = #{CLUSTERS};
-// Half width of an even distribution in standard deviations: the square root of 3.
+// Half width of a uniform distribution in standard deviations: the square root of 3.
 const REACH: f32 = 1.73205080756888;
-// Half width of the thinnest cluster, as a share of the map's range of depths.
+// Half width of the thinnest cluster, as a fraction of the map's range of depths.
 const THINNEST: f32 = 1e-6;
 
 fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {

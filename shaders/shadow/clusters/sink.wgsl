@@ -1,8 +1,9 @@
-// Sink that clusters the matter along one ray by depth (Mertens et al. 2004): optical depth, mean and standard deviation of
-// each cluster.
+// Sink that clusters the matter along one ray by depth (Mertens et al. 2004): optical depth, mean and standard
+// deviation of each cluster.
 //
-// The first march, towards the light, finds the end of the matter. The next marches assign every piece to the cluster with the
-// nearest mean. The first means are spaced evenly over the extent of the matter; later ones are results of the march before.
+// The first march, towards the light, finds the end of the matter. The next marches assign every piece to the cluster
+// with the nearest mean. The first means are spaced evenly over the extent of the matter; later ones are results of
+// the march before.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -15,9 +16,9 @@ struct Sink {
     optical_depth: f32,
 }
 
-// Means by which pieces are assigned, as shares of the map's range of depths.
+// Means by which pieces are assigned to clusters, as fractions of the map's range of depths.
 var<private> means: array<f32, CLUSTERS>;
-// Optical depth of each cluster, and that times the distance from the mean, and times its square.
+// Optical depth of each cluster, and its sums times the distance from the mean and times the square of that.
 var<private> sums: array<vec3<f32>, CLUSTERS>;
 var<private> finding_end: bool;
 var<private> begun: bool;
@@ -28,7 +29,7 @@ fn share_of(z: f32) -> f32 {
     return (z - light.depth_start_mm) / light.depth_range_mm;
 }
 
-// Returns the mean of a cluster; for empty clusters, the mean by which pieces were assigned.
+// Returns the mean depth of a cluster; for an empty cluster, the mean by which pieces were assigned.
 fn mean_of(c: u32) -> f32 {
     return means[c] + sums[c].y / max(sums[c].x, 1e-30);
 }
@@ -58,7 +59,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     }
     let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
     let a = share_of(z_from);
-    // The piece ends with the ray.
+    // The piece ends where the ray ends.
     let b = share_of(z_from + (z_to - z_from) * (d / depth));
     if !begun {
         begun = true;
@@ -70,7 +71,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
         nearest = select(nearest, c, abs(means[c] - middle) < abs(means[nearest] - middle));
     }
     let off = middle - means[nearest];
-    // The mean square over an even piece is the square of its middle plus a twelfth of its squared length.
+    // The mean square over a uniform piece is the square of its middle plus a twelfth of its squared length.
     sums[nearest] += d * vec3<f32>(1.0, off, off * off + (b - a) * (b - a) / 12.0);
     (*sink).optical_depth += d;
     return (*sink).optical_depth >= vector_map.max_depth;
@@ -82,7 +83,7 @@ fn met_extinction() -> bool {
     return met;
 }
 
-// Returns mean, standard deviation and optical depth of each cluster, one after another.
+// Returns number i of the stored sequence: mean, standard deviation and optical depth of each cluster.
 fn number(i: u32) -> f32 {
     let c = min(i / 3u, CLUSTERS - 1u);
     let depth = sums[c].x;

@@ -18,7 +18,8 @@
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 #ifndef MARCHES
-// Returns the optical depth between two depths by the trapezoid rule over point samples of extinction (`precompress=off`).
+// Returns the optical depth between two depths by the trapezoid rule over point samples of extinction
+// (`precompress=off`).
 fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
     let size = vec3<f32>(field.size);
     let span = clipped_span(o, d, box_span(o, safe_inverse(d), d, vec3<f32>(0.5), size + 0.5));
@@ -30,7 +31,7 @@ fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
 #endif
 
 #ifndef WHOLE_CURVE
-// Returns the depth up to which the ray from z on crosses only inactive bricks; z inside an active one.
+// Returns the depth up to which the ray from depth z crosses only inactive bricks; z itself inside an active brick.
 fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
     let inv_d = safe_inverse(d);
     let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
@@ -65,7 +66,7 @@ fn tap_offset(tap: u32) -> vec2<f32> {
 fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
     var depths: array<f32, 9>;
     for (var tap = 0u; tap < 9u; tap++) { depths[tap] = 0.0; }
-    // Lattice steps done; the lattice does not depend on what is skipped.
+    // Number of lattice steps done; skipping does not change the lattice.
     var k = 0.0;
     var over = false;
     for (var i = 0u; i <= MAX_LATTICE_STEPS; i++) {

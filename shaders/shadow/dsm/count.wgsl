@@ -1,11 +1,12 @@
-// Counts the nodes of each texel of a tiled deep shadow map (Hadwiger et al. 2006, Figure 5 shows them by tile).
+// Counts the curve nodes of each texel of a tiled deep shadow map (Hadwiger et al. 2006, Figure 5 shows them by
+// tile).
 
 #import umbravox::light::light
 #import umbravox::tile_table::{record_of, NO_TILE}
 #import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MAX_ROWS}
 
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
-// First texel (row by row) that this dispatch counts.
+// First texel, numbered row by row, that this dispatch counts.
 @group(2) @binding(0) var<storage, read> first_texel: array<u32>;
 @group(2) @binding(1) var<storage, read_write> counts: array<u32>;
 
@@ -17,7 +18,7 @@ fn count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     let texel = vec2<u32>(index % light.map_size, index / light.map_size);
     if texel.y >= light.map_size { return; }
     var row = record_of(texel);
-    // Tiles without rows differ from tiles whose texels meet nothing.
+    // Tiles without rows differ from tiles whose rays meet no extinction.
     if row == NO_TILE {
         counts[i] = NO_TILE;
         return;

@@ -9,16 +9,17 @@
 #import umbravox::dsm_rows::{start_rows, nodes_stored, store_node, finish_rows}
 
 const STEEPEST: f32 = 1e30;
-// Iterations of a push: the first node, then the end of a line and its successor for the gap and for the piece.
+// Largest number of iterations of a push: the first node, then the end of a line and its successor for the gap and
+// for the piece.
 const MAX_ITERATIONS: i32 = 8;
 
 struct Writer {
-    // Start of the current line (the last node) and the slopes that keep it within epsilon.
+    // Start of the current line (the last node), and the slopes for which the line stays within epsilon of the curve.
     origin_z: f32,
     origin_t: f32,
     slope_lo: f32,
     slope_hi: f32,
-    // The last point of the curve.
+    // Last point of the exact curve.
     last_z: f32,
     last_t: f32,
 }
@@ -31,7 +32,7 @@ fn start_writer(row: u32) {
     writer = Writer(0.0, 1.0, -STEEPEST, STEEPEST, 0.0, 1.0);
 }
 
-// Stores a node and starts a new line there.
+// Stores a curve node and starts a new line there.
 fn emit(z: f32, t: f32) {
     // The line starts at the stored transmittance, so that rounding errors do not add up.
     writer.origin_t = store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, t);
@@ -41,13 +42,14 @@ fn emit(z: f32, t: f32) {
 }
 
 fn line_end() -> f32 {
-    // The middle of the window, or its lower end near darkness, so that opaque matter casts full shadows.
+    // Slope of the line: the middle of the allowed range, or its lower end near transmittance 0, so that opaque
+    // matter casts full shadows.
     let middle = 0.5 * (writer.slope_lo + writer.slope_hi);
     let slope = min(select(middle, writer.slope_lo, writer.last_t < params.epsilon), 0.0);
     return clamp(writer.origin_t + slope * (writer.last_z - writer.origin_z), 0.0, writer.origin_t);
 }
 
-// Adds a piece of the curve: level from its last point to z_from, then falling to t at z_to.
+// Adds a piece of the exact curve: constant from its last point to z_from, then falling to t at z_to.
 fn push(z_from: f32, z_to: f32, t: f32) {
     // An iteration stores at most one node: the first, the end of a line whose window has closed, or a vertical step.
     var gap = z_from > writer.last_z;
@@ -87,7 +89,7 @@ fn push(z_from: f32, z_to: f32, t: f32) {
     }
 }
 
-// Ends the last line, and fills the row.
+// Ends the last line, and fills the texel's row.
 fn finish() {
     if nodes_stored() > 0u && writer.last_z > writer.origin_z { emit(writer.last_z, line_end()); }
     finish_rows(writer.origin_t);

@@ -3,30 +3,31 @@
 
 const NO_ROW: u32 = #{NO_ROW};
 const ROW_NODES: u32 = #{ROW_NODES};
-// Width of the texture of nodes in texels; a row has two texels of four words.
+// Width, in texels, of the texture that stores the curve nodes; a row has two texels of four words.
 const NODE_TEXTURE_WIDTH: u32 = #{NODE_TEXTURE_WIDTH};
-// Largest stored depth, which is the end of the map; the filler of a row behind its last node lies one step farther.
+// Largest stored depth, which is the end of the map. The filler of a row behind its last node lies one step farther.
 const DEPTH_STEPS: f32 = #{DEPTH_STEPS};
 const FILLER: u32 = #{FILLER};
-// Steps of the regular lattice of a ray.
+// Largest number of steps of the regular lattice on a ray.
 const MAX_LATTICE_STEPS: u32 = #{MAX_LATTICE_STEPS};
-// Rows of one texel: two nodes for each depth step, and the nodes of the last row.
+// Largest number of rows of one texel: two nodes for each depth step, and the nodes of the last row.
 const MAX_ROWS: u32 = #{MAX_ROWS};
 
 struct Params {
-    // Error bound of the compression, and the optical depth whose chord stays within the tolerance at transmittance 1.
+    // Error bound of the compression, and the largest optical depth of a piece at transmittance 1 whose chord stays
+    // within the tolerance.
     epsilon: f32,
     longest_depth: f32,
-    // Distance of the regular lattice of depths, mm.
+    // Distance between depths of the regular lattice, mm.
     step_mm: f32,
-    // First row behind the first rows of texels, and rows in the pool.
+    // Index of the first row behind the first rows of all texels, and number of rows in the pool.
     tile_rows: u32,
     pool_rows: u32,
     taps: u32,
-    // Offset of the depth of a lookup, mm; negative towards the light.
+    // Offset added to the depth of a shadow query, mm; negative towards the light.
     depth_offset_mm: f32,
     depth_steps_per_mm: f32,
-    // Difference of first depths up to which neighbouring texels see the same surface.
+    // Largest difference of first depths for which neighbouring texels show the same surface.
     same_surface_steps: f32,
     padding_a: f32,
     padding_b: f32,

@@ -1,4 +1,4 @@
-// `dsm`: lookup in a tiled deep shadow map (Hadwiger et al. 2006, 3.5).
+// `dsm`: query of the transmittance in a tiled deep shadow map (Hadwiger et al. 2006, 3.5).
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
@@ -6,16 +6,16 @@
 #import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
 #import umbravox::dsm_layout::{params, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MAX_ROWS}
 
-// Rows of two texels: seven nodes and the link to the next row.
+// Rows of curve nodes, two texels each: seven nodes and the link to the next row.
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
 
-// Visibility function of one texel: its first row, and the first four nodes.
+// Visibility function of one texel: its first row, and the first four curve nodes.
 struct Texel {
     row: u32,
     head: vec4<u32>,
 }
 
-// Largest depth of a lookup in steps: half a step past the end of the map, in front of the filler.
+// Largest depth of a query in steps: half a step past the end of the map, in front of the filler.
 const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
 
 fn texel_at(texel: vec2<u32>) -> Texel {
@@ -25,13 +25,13 @@ fn texel_at(texel: vec2<u32>) -> Texel {
     return Texel(row, textureLoad(node_rows, row_texel(row), 0));
 }
 
-// The nodes before and after a depth.
+// Curve nodes before and after a depth.
 struct Around {
     before: u32,
     after: u32,
 }
 
-// Narrows the search by four more nodes, of which `passed` lie in front of the depth.
+// Narrows the search with four more curve nodes, of which `passed` lie in front of the depth.
 fn narrowed(before: u32, nodes: vec4<u32>, passed: vec4<bool>) -> Around {
     let first = select(select(select(before, nodes.x, passed.x), nodes.y, passed.y), nodes.z, passed.z);
     let next = select(select(select(nodes.w, nodes.z, !passed.z), nodes.y, !passed.y), nodes.x, !passed.x);
@@ -43,7 +43,7 @@ fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     let limit = u32(step);
     var row = texel.row;
     var passed = (texel.head >> vec4<u32>(16u)) <= vec4<u32>(limit);
-    // All light arrives before the first node.
+    // Before the first node the transmittance is 1.
     let outside = !passed.x || row == NO_ROW;
     var around = narrowed(FILLER, texel.head, passed);
     // Linear search by half rows, without branches inside them: rows are short, and few texels have a second one.
@@ -85,8 +85,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let c = texel_at(wrapped_texel(base + vec2<i32>(0, 1)));
     let d = texel_at(wrapped_texel(base + vec2<i32>(1, 1)));
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
-    // On a slanted surface the first depth differs between texels. The functions are aligned at their first depths before they
-    // are averaged, or the surface would shadow itself.
+    // On a slanted surface the first depth differs between texels. The functions are aligned at their first depths
+    // before they are averaged, or the surface would shadow itself.
     let starts = vec4<u32>(a.head.x, b.head.x, c.head.x, d.head.x) >> vec4<u32>(16u);
     let first = vec4<f32>(starts);
     let filled = starts < vec4<u32>(FILLER);

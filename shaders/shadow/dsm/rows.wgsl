@@ -7,33 +7,34 @@
 #import umbravox::dsm_layout::{params, row_texel, NO_ROW, ROW_NODES, DEPTH_STEPS, FILLER}
 
 struct Counters {
-    // Rows requested beyond the first rows of texels, whether or not the pool had them.
+    // Number of rows requested beyond the first rows of texels, including those that the pool could not provide.
     overflow_rows: atomic<u32>,
     nodes_total: atomic<u32>,
     nodes_max: atomic<u32>,
     // Number of texels whose ray meets extinction.
     texels_hit: atomic<u32>,
-    // Number of texels whose ray was not marched to its end: software adapters end long loops.
+    // Number of texels whose ray was not marched to its end, since software adapters end long loops.
     texels_cut: atomic<u32>,
-    // Number of texels whose tunnel was narrowed because a hull was full.
+    // Number of texels whose error tunnel was narrowed because a hull was full.
     texels_narrowed: atomic<u32>,
 }
 
 @group(2) @binding(1) var node_texture: texture_storage_2d<rgba32uint, write>;
 @group(2) @binding(2) var<storage, read_write> counters: Counters;
-// For each built tile, by the order of records: rows requested beyond its first ones, and texels that did not get all rows.
+// For each built tile, in the order of records: number of rows requested beyond its first rows, and of texels that
+// did not get all rows.
 @group(2) @binding(3) var<storage, read_write> requested_rows: array<atomic<u32>>;
 
 const TILE_TEXELS: u32 = #{TILE_TEXELS};
 
 struct Rows {
-    // Record of the texel, which is its first row.
+    // Record index of the texel, which is also its first row.
     record: u32,
-    // Present row, nodes in it, nodes of the texel.
+    // Present row, number of nodes in it, number of nodes of the texel.
     row: u32,
     used: u32,
     count: u32,
-    // Present half row.
+    // Words of the present half row.
     half_row: vec4<u32>,
 }
 
@@ -48,7 +49,7 @@ fn nodes_stored() -> u32 {
     return rows.count;
 }
 
-// Adds a word (node or link) to the row, and stores the half row when it is complete.
+// Adds a word (curve node or link) to the row, and stores the half row when it is complete.
 fn put(word: u32) {
     let place = rows.used & 3u;
     rows.half_row = select(rows.half_row, vec4<u32>(word), vec4<u32>(place) <= vec4<u32>(0u, 1u, 2u, 3u));
@@ -58,11 +59,11 @@ fn put(word: u32) {
     rows.used += 1u;
 }
 
-// Stores a node at a depth in steps of the map's range, and returns its rounded transmittance.
+// Stores a curve node at a depth in steps of the map's range, and returns its rounded transmittance.
 fn store_node(depth: f32, t: f32) -> f32 {
     let step = u32(clamp(round(depth), 0.0, DEPTH_STEPS));
     let stored = u32(round(clamp(t, 0.0, 1.0) * 65535.0));
-    // A full row takes its link first. The loop keeps the code of the store in the program once.
+    // A full row gets its link first. The loop keeps the code of the store in the program once.
     for (var i = 0; i < 2; i++) {
         let full = rows.used == ROW_NODES;
         var word = (step << 16u) | stored;
@@ -87,18 +88,20 @@ fn report_cut_ray() {
     atomicAdd(&counters.texels_cut, 1u);
 }
 
-// Reports a texel whose polyline may have more nodes than necessary.
+// Reports a texel whose stored polyline may have more nodes than necessary.
 fn count_narrowed() {
     atomicAdd(&counters.texels_narrowed, 1u);
 }
 
-// Adds to the counters and fills the row, so that a search needs no count; `t` is the transmittance of the last node.
+// Updates the counters and fills the row, so that a search needs no node count; `t` is the transmittance of the last
+// node.
 fn finish_rows(t: f32) {
     if rows.count > 0u {
         atomicAdd(&counters.nodes_total, rows.count);
         atomicMax(&counters.nodes_max, rows.count);
         atomicAdd(&counters.texels_hit, 1u);
-        // Not in `store_node`: llvmpipe of Mesa 22.3 crashes on atomics in loops whose addresses differ between lanes.
+        // Not in `store_node`: llvmpipe of Mesa 22.3 crashes on atomics in loops whose addresses differ between
+        // lanes.
         let tile = rows.record / TILE_TEXELS;
         atomicAdd(&requested_rows[2u * tile], (rows.count - 1u) / ROW_NODES);
         atomicAdd(&requested_rows[2u * tile + 1u], select(0u, 1u, rows.row == NO_ROW));

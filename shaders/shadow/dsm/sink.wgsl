@@ -10,7 +10,7 @@ const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 struct Sink {
     optical_depth: Sum,
-    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    // Largest optical depth of a piece at the present transmittance whose chord stays within the error tolerance.
     longest_depth: f32,
 }
 

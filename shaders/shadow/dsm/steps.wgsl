@@ -1,11 +1,11 @@
-// Lists the depth steps of all nodes of some texels, for tests of the error bound.
+// Lists the depths, in steps, of all curve nodes of some texels, for tests of the error bound.
 
 #import umbravox::light::light
 #import umbravox::tile_table::{record_of, NO_TILE}
 #import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MAX_ROWS}
 
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
-// For each thread, the texel (row by row) and the index of the step of its first node.
+// For each thread: the texel (numbered row by row), and the index in `steps` at which its nodes begin.
 @group(2) @binding(0) var<storage, read> texels: array<vec2<u32>>;
 @group(2) @binding(1) var<storage, read_write> steps: array<u32>;
 

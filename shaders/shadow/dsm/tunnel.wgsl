@@ -1,14 +1,15 @@
-// Compression of the visibility function of one texel to the fewest nodes (`compress=optimal`; Imai & Iri 1986, 1988).
+// Compression of the visibility function of one texel to the fewest nodes (`compress=optimal`; Imai & Iri 1986,
+// 1988).
 //
-// The tunnel is the curve plus and minus epsilon. A line continues until no line stays in the tunnel; nodes lie where two
-// consecutive lines meet. The lines that stay in the tunnel so far lie between two extremes: the lowest, which touches the
-// ceiling of the tunnel and then its floor, and the highest, which touches the floor and then the ceiling. Two convex chains of
-// corners determine both: the upper hull of the floor and the lower hull of the ceiling. A line ends where the tunnel leaves
-// it. The window of the next line reaches from the last contact of the line to the point where it leaves the tunnel. The next
-// line crosses the window, and the node is the crossing.
+// The tunnel is the curve plus and minus epsilon. A line continues until no line stays in the tunnel; nodes lie where
+// two consecutive lines meet. The lines that stay in the tunnel so far lie between two extremes: the lowest, which
+// touches the ceiling of the tunnel and then its floor, and the highest, which touches the floor and then the
+// ceiling. Two convex chains of corners determine both: the upper hull of the floor and the lower hull of the
+// ceiling. A line ends where the tunnel leaves it. The window of the next line reaches from the last contact of the
+// line to the point where it leaves the tunnel. The next line crosses the window, and the node is the crossing.
 //
-// The chain of the ceiling is stored upside down, so that both are upper hulls and share their code. Depths are steps of the
-// map's range. docs/bound.md proves the minimum, and states the effect of full hulls.
+// The chain of the ceiling is stored upside down, so that both are upper hulls and share their code. Depths are steps
+// of the map's range. docs/bound.md proves the minimum, and states the effect of full hulls.
 #define_import_path umbravox::dsm_nodes
 
 #import umbravox::light::light
@@ -17,20 +18,22 @@
 #import umbravox::dsm_rows::{start_rows, store_node, finish_rows, count_narrowed}
 
 const VERTICAL: f32 = 1e30;
-// Corners of a hull; a power of two.
+// Largest number of corners of a hull; a power of two.
 const CORNERS: u32 = #{HULL_CORNERS};
-// Corners of a hull that leave room for two pushes: a push adds up to three on each side, and makes room on one.
+// Number of hull corners that still leaves room for two pushes. A push adds up to three corners on each side, and
+// makes room on one.
 const MAX_CORNERS: u32 = #{HULL_CORNERS} - 6u;
-// Width in steps of a vertical fall: depths that differ by less are equal.
+// Width of a vertical fall in depth steps: depths that differ by less are equal.
 const FALL_WIDTH: f32 = #{UPRIGHT_STEPS};
-// Iterations of a push: the pending fall, the gap, the piece.
+// Largest number of iterations of a push: the pending fall, the gap, the piece.
 const PUSH_ITERATIONS: i32 = 3;
 
 const FLOOR: u32 = 0u;
 const CEILING: u32 = 1u;
 
 struct Tunnel {
-    // By side: indices of the first corner of a chain, of the corner that its line touches, and behind the last. They only grow.
+    // For each side: indices of the first corner of its chain, of the corner that its line touches, and of the end.
+    // They only grow.
     begin: vec2<u32>,
     touch: vec2<u32>,
     end: vec2<u32>,
@@ -41,25 +44,27 @@ struct Tunnel {
     touch_y: vec2<f32>,
     newest_x: vec2<f32>,
     newest_y: vec2<f32>,
-    // Slopes of the extreme lines, by the side that they touch last: the lowest for the floor, the highest for the ceiling.
+    // Slopes of the extreme lines, for the side that each touches last: the lowest line for the floor, the highest
+    // for the ceiling.
     slope: vec2<f32>,
-    // The line before: a point on it, its slope, and the depths of its window.
+    // Previous line: a point on it, its slope, and the depths of its window.
     line_at: vec2<f32>,
     line_slope: f32,
     window: vec2<f32>,
     // Highest point of the floor under the present line.
     top: f32,
-    // Depth of the last corner, and the last point of the curve; `pending` if that is not yet a corner.
+    // Depth of the last corner, and transmittance at the last point of the curve; `pending` if that point is not yet
+    // a corner.
     last_x: f32,
     last_t: f32,
     pending: bool,
     started: bool,
     narrowed: bool,
-    // Transmittance of the last node.
+    // Transmittance of the last stored node.
     node_t: f32,
 }
 
-// Two chains, each a ring buffer.
+// The two chains of corners (floor, ceiling), each a ring buffer.
 var<private> corners: array<vec2<f32>, 2 * #{HULL_CORNERS}>;
 var<private> tunnel: Tunnel;
 
@@ -85,13 +90,13 @@ fn side_line(side: u32, x: f32) -> f32 {
     return tunnel.touch_y[side] + tunnel.slope[side] * (x - tunnel.touch_x[side]);
 }
 
-// Stores a node, which is never above the last one.
+// Stores a curve node, whose transmittance is never above that of the last one.
 fn add_node(x: f32, t: f32) {
     tunnel.node_t = store_node(x, min(t, tunnel.node_t));
 }
 
-// Ends the line before where the next one crosses its window. The flatter of the two gives the transmittance, so that rounding
-// moves the depth only.
+// Ends the previous line where the next one crosses its window. The flatter of the two lines gives the transmittance,
+// so that rounding changes only the depth.
 fn end_line(at: vec2<f32>, slope: f32, window: vec2<f32>) {
     let difference = tunnel.line_slope - slope;
     let rise = at.y + slope * (tunnel.line_at.x - at.x) - tunnel.line_at.y;
@@ -104,8 +109,9 @@ fn end_line(at: vec2<f32>, slope: f32, window: vec2<f32>) {
     tunnel.window = window;
 }
 
-// Makes room in the longer chain if a few more corners would fill it: pairs of neighbours are replaced by the point outside the
-// hull where the edges beside them meet. The first corner, the touched one and the last stay, and so do the two lines.
+// Makes room in the longer chain if a few more corners would fill it: pairs of neighbours are replaced by the point
+// outside the hull where the edges beside them meet. The first corner, the touched one and the last stay, and so do
+// the two lines.
 fn make_room() {
     let lengths = tunnel.end - tunnel.begin;
     let side = select(FLOOR, CEILING, lengths.y > lengths.x);
@@ -142,7 +148,7 @@ fn add_corner(side: u32, point: vec2<f32>) {
     let other = 1u - side;
     let rotated = point.y > side_line(side, point.x);
     if rotated {
-        // The tangent to the other side; corners in front of its contact are not touched any more.
+        // Tangent to the chain of the other side; corners before its contact cannot be touched any more.
         var first = vec2<f32>(tunnel.first_x[other], tunnel.first_y[other]);
         var begin = tunnel.begin[other];
         for (var i = 0u; i < CORNERS; i++) {
@@ -176,8 +182,8 @@ fn add_corner(side: u32, point: vec2<f32>) {
     tunnel.end[side] = end + 1u;
 }
 
-// Begins the line after one that left the tunnel on side `out` at `exit` (upside down for the ceiling): one extreme line is the
-// line before, the other is vertical at the last corner.
+// Begins the line after one that left the tunnel on side `out` at `exit` (upside down for the ceiling). One extreme
+// line is the previous line, the other is vertical at the last corner.
 fn begin_line(out: u32, exit: vec2<f32>, slope: f32) {
     let last = 1u - out;
     tunnel.begin[out] = tunnel.end[out];
@@ -201,7 +207,8 @@ fn begin_line(out: u32, exit: vec2<f32>, slope: f32) {
     tunnel.top = tunnel.first_y[FLOOR];
 }
 
-// Continues the curve on a straight line to t at depth x: one more corner of the floor and of the ceiling.
+// Continues the exact curve on a straight line to transmittance t at depth x: one more corner of the floor and of the
+// ceiling.
 fn extend_curve(x: f32, t: f32) {
     let low = max(t - params.epsilon, 0.0);
     let high = t + params.epsilon;
@@ -227,7 +234,7 @@ fn extend_curve(x: f32, t: f32) {
     tunnel.last_x = x;
 }
 
-// Begins the tunnel at the first extinction, with a vertical fall from full light.
+// Begins the tunnel at the first extinction, with a vertical fall from transmittance 1.
 fn start_at(x: f32) {
     let low = max(1.0 - params.epsilon, 0.0);
     set_corner(FLOOR, 0u, vec2<f32>(x, low));
@@ -250,7 +257,7 @@ fn start_at(x: f32) {
     tunnel.started = true;
 }
 
-// Adds a piece of the curve: level from its last point to z_from, then falling to t at z_to.
+// Adds a piece of the exact curve: constant from its last point to z_from, then falling to t at z_to.
 fn push(z_from: f32, z_to: f32, t: f32) {
     let start = (z_from - light.depth_start_mm) * params.depth_steps_per_mm;
     let end = (z_to - light.depth_start_mm) * params.depth_steps_per_mm;
@@ -280,18 +287,19 @@ fn push(z_from: f32, z_to: f32, t: f32) {
     if any(tunnel.end - tunnel.begin > vec2<u32>(CORNERS)) { report_iteration_limit(); }
 }
 
-// Ends the last line, and fills the row.
+// Ends the last line, and fills the texel's row.
 fn finish() {
     if tunnel.started {
         if tunnel.pending { extend_curve(tunnel.last_x + FALL_WIDTH, tunnel.last_t); }
         let x = tunnel.last_x;
         let dark = tunnel.last_t < params.epsilon;
-        // The stored function is level behind its last node: a level line that stays in the tunnel needs no end.
+        // The stored function is constant behind its last node: a horizontal line that stays in the tunnel needs no
+        // end node.
         let ceiling = min(tunnel.last_t + params.epsilon, 1.0);
         let level = tunnel.top <= ceiling;
         let middle = clamp(0.5 * (tunnel.top + params.epsilon + tunnel.last_t), tunnel.top, max(ceiling, tunnel.top));
         let flat = select(middle, tunnel.top, dark);
-        // Otherwise the middle of the extreme lines, or the lowest near darkness.
+        // Otherwise the end is in the middle between the extreme lines, or on the lowest one near transmittance 0.
         let share = select(0.5, 0.0, dark);
         let t = select(mix(side_line(FLOOR, x), -side_line(CEILING, x), share), flat, level);
         let slope = select(min(mix(tunnel.slope[FLOOR], -tunnel.slope[CEILING], share), 0.0), 0.0, level);

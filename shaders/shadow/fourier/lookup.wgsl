@@ -1,5 +1,5 @@
-// `fourier`: lookup in the Fourier coefficients of extinction along the light (Jansen & Bavoil 2010), by the integral of their
-// series from the light to a depth.
+// `fourier`: query of the transmittance from Fourier coefficients of extinction along the light (Jansen & Bavoil
+// 2010): it integrates their series from the light to a depth.
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}

@@ -1,4 +1,4 @@
-// The integral of a series of extinction along the light (Jansen & Bavoil 2010).
+// Integral of a Fourier series of extinction along the light (Jansen & Bavoil 2010).
 #define_import_path umbravox::fourier_series
 
 #import umbravox::vectors::VECTORS
@@ -22,7 +22,7 @@ fn series_vector(point: SeriesPoint, v: u32) -> vec4<f32> {
 }
 #endif
 
-// Returns the optical depth from the light to a share of the range of the series.
+// Returns the optical depth from the light to a fraction of the series' depth range.
 fn series_depth(at: SeriesPoint, share: f32) -> f32 {
     let s = clamp(share, 0.0, 1.0);
     let rotation = vec2<f32>(cos(TAU * s), sin(TAU * s));
@@ -42,7 +42,7 @@ fn series_depth(at: SeriesPoint, share: f32) -> f32 {
     return 0.5 * first.x * s + waves / TAU;
 }
 
-// Returns the weight of a term: 1, or the factor of Lanczos, sin(x) / x at x = pi k / (n + 1).
+// Returns the weight of a Fourier term: 1, or the Lanczos factor sin(x) / x at x = pi k / (n + 1).
 fn weight(k: u32) -> f32 {
 #ifdef LANCZOS
     let x = 0.5 * TAU * f32(k) / f32(TERMS + 1u);

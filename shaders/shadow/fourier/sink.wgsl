@@ -1,9 +1,9 @@
 // Sink that computes the Fourier coefficients of extinction along one ray (Jansen & Bavoil 2010).
 //
-// A piece of optical depth d, spread evenly between the shares s0 and s1 of the map's depth, adds to a_k and b_k twice
-// d times the mean of cos(2 pi k s) and sin(2 pi k s): those of its middle times sin(k h) / (k h), h being pi (s1 - s0).
-// With TEXEL_RANGE shares refer to the range of the texel, from the first matter to the end of the ray, which a first march
-// finds.
+// A piece of optical depth d, spread evenly between the shares s0 and s1 of the map's depth, adds to a_k and b_k
+// twice d times the mean of cos(2 pi k s) and sin(2 pi k s): those of its middle times sin(k h) / (k h), h being pi
+// (s1 - s0). With TEXEL_RANGE shares refer to the range of the texel, from the first matter to the end of the ray,
+// which a first march finds.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -17,16 +17,16 @@ struct Sink {
     optical_depth: f32,
 }
 
-// a_0, then a_k and b_k in pairs; one more term may fill the last vector.
+// Fourier coefficients: a_0, then a_k and b_k in pairs. One more term may fill the last vector.
 var<private> sums: array<vec4<f32>, VECTORS>;
 var<private> total_depth: f32;
-// Range of depths to which shares refer, mm: its start and length.
+// Depth range of the Fourier series, mm: its start and length.
 var<private> range_start: f32;
 var<private> range_mm: f32;
 #ifdef TEXEL_RANGE
 var<private> finding_range: bool;
 var<private> range_end: f32;
-// The shortest range, mm, as for a ray that meets a single face.
+// Shortest depth range of a texel's series, mm, as for a ray that meets a single face.
 const LEAST_RANGE: f32 = 1e-3;
 #endif
 
@@ -54,7 +54,7 @@ fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if !(depth > 0.0) { return false; }
     let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
-    // The piece ends with the ray.
+    // The piece ends where the ray ends.
     let z_end = z_from + (z_to - z_from) * (d / depth);
 #ifdef TEXEL_RANGE
     if finding_range {
@@ -72,7 +72,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     var at = vec2<f32>(1.0, 0.0);
     var wide = vec2<f32>(1.0, 0.0);
     for (var v = 0u; v < VECTORS; v++) {
-        // Two terms a vector; the first is a_0 with b_0 = 0.
+        // Two terms fill a vector; the first is a_0 with b_0 = 0.
         let even = at;
         let k = f32(2u * v);
         let share = select(wide.y / max(k * half, 1e-30), 1.0 - k * k * half * half / 6.0, k * half < 0.05);
@@ -97,7 +97,7 @@ fn met_extinction() -> bool {
 
 fn stored_vector(v: u32) -> vec4<f32> {
 #ifdef TEXEL_RANGE
-    // The range, as shares of the map's, takes the place of the term after the last.
+    // The texel's depth range, as fractions of the map's, takes the place of the term after the last.
     let range = vec2<f32>(range_start - light.depth_start_mm, range_mm) / light.depth_range_mm;
     let last = (TERMS & 1u) == 0u;
     let with_range = select(vec4<f32>(range, 0.0, 0.0), vec4<f32>(sums[v].xy, range), last);

@@ -1,4 +1,4 @@
-// `fourier` with `range=texel`: the curve of one texel, a series over the range of its matter.
+// `fourier` with `range=texel`: transmittance curve of one texel, a series over the depth range of its matter.
 #define_import_path umbravox::texel_curve
 
 #import umbravox::light::light

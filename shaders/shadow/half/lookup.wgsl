@@ -1,4 +1,4 @@
-// `half`: a fixed share of the light behind the first extinction on a light ray.
+// `half`: a constant transmittance behind the first extinction on a light ray.
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point, light_ray}

@@ -1,4 +1,4 @@
-// Builds a layered map: one workgroup for each tile, one thread for each texel.
+// Builds a layered shadow map: one workgroup for each tile, one thread for each texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::work::add_work
@@ -11,7 +11,8 @@
 struct Stage {
     // Number of texels whose ray meets extinction.
     texels_hit: atomic<u32>,
-    // Side of a region in texels, regions on each side of the map, and the row of the split of each region.
+    // Side of a region in texels, number of regions along each side of the map, and the table row with the layer
+    // split of each region.
     region_texels: u32,
     regions_across: u32,
     rows: array<u32>,
@@ -37,8 +38,8 @@ fn build(
     let z_end = depth_end_mm();
     var sink = Sink(0.0, params.longest_depth);
 #ifdef ENDS
-    // One march towards the light finds the end, one from the light fills the layers. The loop keeps the code of the march in
-    // the program once.
+    // One march towards the light finds the end depth, and one from the light fills the layers. The loop keeps the
+    // code of the march in the program once.
     for (var number = 0u; number < 2u; number++) {
         let behind = number == 0u;
         find_end(behind);

@@ -1,5 +1,5 @@
-// `dom` and `bom`: lookup in an opacity map with layers that follow the depths of each texel (Yuksel & Keyser 2008, 3;
-// Voicu 2011, 5).
+// `dom` and `bom`: query of the transmittance in an opacity map with layers that follow the depths of each texel
+// (Yuksel & Keyser 2008, 3; Voicu 2011, 5).
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
@@ -13,7 +13,8 @@ fn texel_depth(record: u32, extent: Extent, start: f32, end: f32, z: f32) -> f32
     return optical_depth_at(record, layer_point(extent.row, start, end, z));
 }
 
-// Filters depths of neighbouring texels that are close enough to be one surface; others stay as they are.
+// Averages start or end depths of neighbouring texels if they are close enough to be one surface; otherwise returns
+// them unchanged.
 fn filtered(depths: vec4<f32>, weights: vec4<f32>, filled: vec4<bool>) -> vec4<f32> {
     let near = select(vec4<f32>(1e30), depths, filled);
     let far = select(vec4<f32>(-1e30), depths, filled);

@@ -1,5 +1,5 @@
-// Choice of the ratio of the hybrid split among eleven (Voicu 2011, 5.2.3 and 7), by how the opacity changes between layers. A
-// coarse map with many layers approximates the exact curves.
+// Choice of the ratio of the hybrid split among eleven (Voicu 2011, 5.2.3 and 7), by how the opacity changes between
+// layers. A coarse map with many layers approximates the exact curves.
 //
 // An image in Voicu 2011 is the opacity 1 - T of every texel at one plane.
 
@@ -9,10 +9,10 @@
 
 const RATIOS: u32 = #{RATIOS};
 
-// The planes 1 to K of every ratio, as shares of the extent.
+// Planes 1 to K of every ratio, as fractions of the depth extent.
 @group(2) @binding(0) var<storage, read> planes: array<f32>;
 
-// Returns the opacity of a record at a plane of the final map.
+// Returns the opacity of a texel's record at a plane of the final map.
 fn opacity(record: u32, extent: Extent, plane: f32) -> f32 {
     return 1.0 - exp(-optical_depth_at(record, layer_point(extent.row, 0.0, 1.0, plane)));
 }
@@ -27,7 +27,7 @@ struct Stage {
 
 @group(2) @binding(1) var<storage, read_write> stage: Stage;
 
-// Chooses the ratio of a region: the one with the smallest largest step of opacity between neighbouring planes. Inside a layer
+// Chooses the ratio of a region whose largest step of opacity between neighbouring planes is smallest. Inside a layer
 // both the exact and the stored curve lie between their values at its ends, so this step bounds their difference.
 @compute @workgroup_size(8, 8)
 fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -35,7 +35,7 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     let record = record_of(id.xy);
     let extent = extent_of(record);
     let layers = arrayLength(&planes) / RATIOS;
-    // The middle ratio if the ray of the region meets nothing.
+    // The middle ratio is used if the ray of the region meets no extinction.
     var best = RATIOS / 2u;
     var best_step = 2.0;
     var ratio = 0u;
@@ -62,8 +62,8 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     stage.rows[id.y * light.map_size + id.x] = best;
 }
 #else
-// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the absolute
-// difference of both in 8 bits.
+// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the
+// absolute difference of both in 8 bits.
 @group(2) @binding(1) var<storage, read_write> sums: array<vec4<f32>>;
 
 const THREADS: u32 = 256u;

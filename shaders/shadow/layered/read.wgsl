@@ -1,4 +1,4 @@
-// Reads of the records of a layered map.
+// Reads the records of a layered shadow map.
 #define_import_path umbravox::layers_read
 
 #import umbravox::light::light
@@ -8,17 +8,17 @@
 
 @group(1) @binding(3) var records: texture_2d<u32>;
 
-// Range of depths of the layers of a record.
+// Depth extent of the layers of a texel's record.
 struct Extent {
-    // The ray of the texel meets extinction.
+    // Whether the ray of the texel meets extinction.
     filled: bool,
     start: f32,
     end: f32,
-    // Row of the split.
+    // Row of the layer split in its table.
     row: u32,
 }
 
-// Position among the layers: plane `k`, and the weight of the next plane.
+// Position of a depth among the layers: plane `k`, and the weight of the next plane.
 struct LayerPoint {
     k: u32,
     weight: f32,
@@ -27,12 +27,12 @@ struct LayerPoint {
 fn header_depth(block: vec4<u32>, bit: u32) -> f32 {
     let word = block[bit >> 5u];
     let step = extractBits(word, bit & 31u, params.header_bits & 31u);
-    // Step 0 stands for no depth.
+    // Step 0 means that no depth is stored.
     return select(light.depth_start_mm + (f32(step) - 1.0) / params.depth_steps_per_mm, bitcast<f32>(word),
         params.header_bits == 32u);
 }
 
-// Returns the extent of a record from its first block.
+// Returns the depth extent of a record, read from its first block.
 fn extent_of(record: u32) -> Extent {
     if record == NO_TILE { return Extent(false, 0.0, 1.0, 0u); }
     count_work(LOADS, 1u);
@@ -50,7 +50,7 @@ fn extent_of(record: u32) -> Extent {
     return extent;
 }
 
-// Returns the position of a depth among the layers of an extent, clamped to the first and the last plane.
+// Returns the position of a depth among the layers, clamped to the first and the last plane.
 fn layer_point(row: u32, start: f32, end: f32, z: f32) -> LayerPoint {
     let share = clamp((z - start) / max(end - start, 1e-9), 0.0, 1.0);
     let k = min(u32(layer_at(row, share)), params.layers - 1u);
@@ -73,7 +73,7 @@ fn slot_value(words: vec4<u32>, slot: u32) -> f32 {
 #endif
 }
 
-// Returns the optical depth of a texel, linear between the planes.
+// Returns the optical depth of a texel's record, linear between the planes.
 fn optical_depth_at(record: u32, point: LayerPoint) -> f32 {
     if record == NO_TILE { return 0.0; }
     // Plane 0 has optical depth 0 and no slot; plane k is in the k-th slot.

@@ -1,13 +1,13 @@
 // Sink that stores the optical depth at the planes of one texel as the march passes them.
 //
-// Depths are exact: pieces start and end where extinction does. So the first piece of a march from the light gives the start
-// of the layers, and the first piece of a march towards the light their end.
+// Depths are exact: pieces start and end where extinction does. So the first piece of a march from the light gives
+// the start of the layers, and the first piece of a march towards the light their end.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
 #import umbravox::layers::{params, block_texel, plane_at, split_row_bit}
 
-// Texels of the store hold 1, 2 or 4 words.
+// Texels of the record texture hold 1, 2 or 4 words.
 #ifdef WORDS_1
 @group(2) @binding(1) var store: texture_storage_2d<r32uint, write>;
 #else
@@ -22,27 +22,27 @@
 const MAX_LAYERS: u32 = #{MOST_LAYERS};
 
 struct Sink {
-    // At most `params.max_depth`.
+    // Optical depth of the ray so far, at most `params.max_depth`.
     optical_depth: f32,
-    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    // Largest optical depth of a piece at the present transmittance whose chord stays within the error tolerance.
     longest_depth: f32,
 }
 
 struct Writer {
-    // The march goes towards the light and finds the end of the layers.
+    // Whether the march goes towards the light and finds the end depth of the layers.
     finding_end: bool,
     record: u32,
     row: u32,
-    // The ray has met extinction, its layers have begun, and their extent.
+    // Whether the ray has met extinction, whether its layers have begun, and the depth extent of the layers.
     met: bool,
     begun: bool,
     start: f32,
     extent_mm: f32,
     end: f32,
-    // The plane ahead and its depth.
+    // Next plane that the march passes, and its depth.
     plane: u32,
     plane_z: f32,
-    // The next slot, and the block that contains it.
+    // Next slot of the record, and the block that contains it.
     slot: u32,
     block: vec4<u32>,
 }
@@ -50,7 +50,7 @@ struct Writer {
 // The writer of this thread: naga passes no pointers to parts of variables.
 var<private> writer: Writer;
 
-// Only the optical depth at planes is stored: a stretch without planes is one piece, whatever its course.
+// Only the optical depth at planes is stored: a stretch without planes may be one piece of any length.
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     var passes = writer.plane <= params.planes_passed && writer.plane_z <= z_to;
 #ifdef STARTS
@@ -92,7 +92,7 @@ fn or_word(index: u32, bits: u32) {
     writer.block |= select(vec4<u32>(0u), vec4<u32>(bits), vec4<u32>(index) == vec4<u32>(0u, 1u, 2u, 3u));
 }
 
-// Stores the block that ends in front of the next slot, if one does, or the last block of the record.
+// Stores the block that ends before the next slot, if one does, or the last block of the record.
 fn store_block(last: bool) {
     if last || (writer.slot & ((1u << params.block_slot_shift) - 1u)) == 0u {
         let block = (writer.slot - 1u) >> params.block_slot_shift;
@@ -102,8 +102,8 @@ fn store_block(last: bool) {
 }
 
 #ifdef STARTS
-// Returns the steps of a stored depth, rounded away from the light: all light arrives in front of a start, and nothing lies
-// behind an end.
+// Returns a depth in stored steps, rounded away from the light: before a start depth the transmittance is 1, and
+// nothing lies behind an end depth.
 fn depth_steps(z: f32) -> f32 {
     let last = exp2(f32(params.header_bits)) - 2.0;
     return clamp(ceil((z - light.depth_start_mm) * params.depth_steps_per_mm), 0.0, last);
@@ -111,7 +111,7 @@ fn depth_steps(z: f32) -> f32 {
 
 fn put_header_depth(bit: u32, z: f32, steps: f32) {
     let stepped = (u32(steps) + 1u) << (bit & 31u);
-    // The bits of 0.0 stand for no depth.
+    // The bits of 0.0 mean that no depth is stored.
     let plain = bitcast<u32>(select(z, 1e-20, z == 0.0));
     or_word(bit >> 5u, select(stepped, plain, params.header_bits == 32u));
 }
@@ -124,7 +124,7 @@ fn begin_layers(z: f32) {
     writer.start = select(light.depth_start_mm + steps / params.depth_steps_per_mm, z, exact);
     put_header_depth(0u, z, steps);
 #ifdef ENDS
-    // At least one step, and at most what the field holds.
+    // The end lies at least one step behind the start, and at most at the largest value of its bit field.
     let end_steps = min(max(depth_steps(writer.end), steps + 1.0), exp2(f32(params.header_bits)) - 2.0);
     let end = select(light.depth_start_mm + end_steps / params.depth_steps_per_mm, writer.end, exact);
     writer.extent_mm = max(end - writer.start, 1e-9);
@@ -134,7 +134,7 @@ fn begin_layers(z: f32) {
     let bit = split_row_bit();
     or_word(bit >> 5u, writer.row << (bit & 31u));
 #endif
-    // Depths may fill a block.
+    // The two depths may fill a block.
     store_block(false);
     writer.plane_z = writer.start + writer.extent_mm * plane_at(writer.row, 1u);
 }
@@ -157,7 +157,7 @@ fn put(depth: f32) {
     writer.plane += 1u;
 }
 
-// Stores the planes up to `last` in front of z_to, on a straight line from `depth` at z_from.
+// Stores the optical depth at the planes up to `last` in front of z_to, on a straight line from `depth` at z_from.
 fn pass_planes(last: u32, z_from: f32, z_to: f32, depth: f32, rise: f32) {
     for (var i = 0u; i < MAX_LAYERS; i++) {
         if writer.plane > last || writer.plane_z > z_to { break; }
@@ -182,7 +182,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if !writer.begun { begin_layers(z_from); }
 #endif
     writer.met = true;
-    // Finite, so that its shares are finite.
+    // Limited to a finite number, so that its fractions are finite.
     let rise = min(depth, 1e30);
     pass_planes(params.planes_passed, z_from, z_to, (*sink).optical_depth, rise);
     (*sink).optical_depth = min((*sink).optical_depth + rise, params.max_depth);

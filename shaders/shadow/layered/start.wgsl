@@ -1,5 +1,5 @@
-// Depth pass of the papers, which finds the first extinction on each light ray. The march of the build passes that point before
-// it needs it, so this pass runs only with `--no-skip`.
+// Depth pass of the papers, which finds the first extinction on each light ray. The march of the build passes that
+// point before it needs it, so this pass runs only with `--no-skip`.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::tiles::tile_texel

@@ -1,4 +1,4 @@
-// Marches from every node of some blocks to the light: one workgroup for each block.
+// Marches from every lattice node of some blocks to the light: one workgroup for each block.
 
 #import umbravox::quirks::workgroup_item
 #import umbravox::lattice::{lattice, node_position, stored_light}
@@ -7,7 +7,7 @@
 #import umbravox::sink::start_sink
 #import umbravox::work::add_work
 
-// Blocks that this dispatch builds: the coordinates of the block along x, y and z in ten bits each.
+// Blocks of lattice nodes that this dispatch builds: coordinates along x, y and z in ten bits each.
 @group(2) @binding(0) var<storage, read> blocks: array<u32>;
 @group(2) @binding(1) var light_volume: texture_storage_3d<r32float, write>;
 

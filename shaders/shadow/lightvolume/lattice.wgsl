@@ -1,4 +1,5 @@
-// The lattice of a light volume: nodes `scale` voxels apart along each axis of the grid, over the box of the active bricks.
+// Lattice of a light volume: nodes `scale` voxels apart along each axis of the grid, over the box of the active
+// bricks.
 #define_import_path umbravox::lattice
 
 #import umbravox::field::field
@@ -7,16 +8,16 @@ struct Lattice {
     // Grid-space position of the first node, and grid units from one node to the next.
     first: vec3<f32>,
     scale: f32,
-    // Nodes along each axis, at least two.
+    // Number of lattice nodes along each axis, at least two.
     counts: vec3<u32>,
-    // Largest stored optical depth.
+    // Largest optical depth that a node stores.
     max_depth: f32,
 }
 
 @group(1) @binding(1) var<uniform> lattice: Lattice;
 
-// Returns the position of a node. Nodes outside the box of the active bricks stand for its sides: rays outside it would meet
-// nothing.
+// Returns the grid-space position of a lattice node. Nodes outside the box of the active bricks are moved to its
+// sides, since rays outside it meet no extinction.
 fn node_position(node: vec3<u32>) -> vec3<f32> {
     return clamp(lattice.first + lattice.scale * vec3<f32>(node), field.active_lo, field.active_hi);
 }
@@ -30,7 +31,8 @@ fn lattice_coordinates(g: vec3<f32>) -> vec3<f32> {
     return low + clamp((g - behind) / max(ahead - behind, vec3<f32>(1e-6)), vec3<f32>(0.0), vec3<f32>(1.0));
 }
 
-// Returns what nodes store for an optical depth: the depth itself (in 8 bits, a share of the largest), or the transmittance.
+// Returns the value that a node stores for an optical depth: the depth itself (in 8 bits, a fraction of the largest),
+// or the transmittance.
 fn stored_light(optical_depth: f32) -> f32 {
 #ifdef STORES_DEPTH
     let depth = min(optical_depth, lattice.max_depth);
@@ -44,7 +46,7 @@ fn stored_light(optical_depth: f32) -> f32 {
 #endif
 }
 
-// Returns the transmittance of a filtered value.
+// Returns the transmittance for a filtered value of the light volume.
 fn transmittance_of(filtered: f32) -> f32 {
 #ifdef STORES_DEPTH
 #ifdef BITS_8

@@ -1,4 +1,4 @@
-// `lightvolume`: lookup in a light volume by a filter over the eight nodes around a point.
+// `lightvolume`: query of the transmittance in a light volume, filtered over the eight nodes around a point.
 #define_import_path umbravox::method
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
@@ -10,10 +10,10 @@
 #ifndef BITS_32
 @group(1) @binding(4) var linear: sampler;
 #endif
-// Distance past the face of a brick, in voxels.
+// Distance past the face of a brick, in voxels, that decides to which brick a point on a face belongs.
 const PAST_FACE: f32 = 1e-3;
 
-// Returns the filtered value at a grid-space point.
+// Returns the filtered value of the light volume at a grid-space point.
 fn filtered_at(g: vec3<f32>) -> f32 {
     let at = lattice_coordinates(g);
 #ifdef BITS_32
@@ -35,7 +35,8 @@ fn filtered_at(g: vec3<f32>) -> f32 {
 
 // Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
-    // Nodes exist around active bricks only. The light in empty space equals that at the first active brick towards the light.
+    // Nodes exist around active bricks only. The transmittance in empty space equals that at the first active brick
+    // towards the light.
     let to_light = toward_light(g);
     let inv_d = safe_inverse(to_light.d);
     let span = box_span(g, inv_d, to_light.d, field.active_lo, field.active_hi);

@@ -1,4 +1,4 @@
-// Packs layers of a light volume into the words of a texture of fewer bits: one thread for each word.
+// Packs layers of a light volume into a texture format of fewer bits: one thread for each word.
 
 #import umbravox::lattice::lattice
 

@@ -1,4 +1,5 @@
-// One slice of a sweep away from the light: the filtered light at the slice before, and the march between the two.
+// Computes one slice of a light volume in a sweep away from the light, from the filtered slice before it and a march
+// between the two.
 
 #import umbravox::field::field
 #import umbravox::lattice::{lattice, lattice_coordinates, node_position, stored_light}
@@ -8,12 +9,12 @@
 #import umbravox::work::add_work
 
 struct SweepStep {
-    // Axis across the slices, and index of the slice.
+    // Axis perpendicular to the slices, and index of the present slice.
     axis: u32,
     slice: u32,
-    // 1 if the light lies on the side of higher slices.
+    // 1 if the light lies on the side of slices with higher indices, else 0.
     down: u32,
-    // 1 for the first slice of a sweep, which has no slice before it.
+    // 1 for the first slice of a sweep, which has no slice before it, else 0.
     opening: u32,
     // 1 if the sweep stores all nodes, 0 if it stores nodes whose direction to the light is mainly along its axis.
     whole: u32,
@@ -21,7 +22,7 @@ struct SweepStep {
 
 @group(2) @binding(0) var<storage, read> sweep_step: SweepStep;
 @group(2) @binding(1) var light_volume: texture_storage_3d<r32float, write>;
-// Light at the nodes of two slices, the even and the odd one.
+// Transmittance or optical depth at the nodes of two slices, the even and the odd one.
 @group(2) @binding(2) var<storage, read_write> slices: array<f32>;
 
 // Returns the number of nodes along the axes of a slice.
@@ -30,7 +31,7 @@ fn slice_counts() -> vec2<u32> {
     return select(select(n.xy, n.zx, sweep_step.axis == 1u), n.yz, sweep_step.axis == 0u);
 }
 
-// Permutes the axes of a vector: the axes of a slice, then the one across.
+// Permutes the axes of a vector: first the axes of a slice, then the one perpendicular to it.
 fn turned(v: vec3<f32>) -> vec3<f32> {
     return select(select(v.xyz, v.zxy, sweep_step.axis == 1u), v.yzx, sweep_step.axis == 0u);
 }

@@ -1,11 +1,11 @@
-// Filtered moments that are stored as 32-bit floats.
+// Reads filtered moments that are stored as 32-bit floats.
 #define_import_path umbravox::moment_vectors
 
 #import umbravox::vectors::VECTORS
 #import umbravox::vectors_read::{AtlasPoint, filtered_vector}
 
 struct Moments {
-    // Optical depth, then the moments times it, one after another.
+    // Optical depth, then each moment times the optical depth.
     first: vec4<f32>,
     second: vec4<f32>,
     third: vec4<f32>,

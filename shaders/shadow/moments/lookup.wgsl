@@ -1,4 +1,4 @@
-// `moments`: lookup in the moments of the matter along the light (Muenstermann et al. 2018).
+// `moments`: query of the transmittance from moments of the matter along the light (Muenstermann et al. 2018).
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
@@ -6,7 +6,7 @@
 #import umbravox::moment_vectors::moments_of
 #import umbravox::moment_share::share_before
 
-// Optical depth up to which all light arrives.
+// Optical depth up to which the transmittance counts as 1.
 const LEAST_DEPTH: f32 = 1e-7;
 
 // Returns the transmittance from the light to a grid-space point.

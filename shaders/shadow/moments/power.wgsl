@@ -1,10 +1,10 @@
-// Bounds of the share of a distribution on [-1, 1] that lies in front of a depth, from its power moments (Muenstermann et al.
-// 2018, 4; Tari et al. 2005).
+// Bounds of the share of a distribution on [-1, 1] that lies in front of a depth, from its power moments
+// (Muenstermann et al. 2018, 4; Tari et al. 2005).
 //
-// The canonical distribution with these moments has matter at the depth itself and at as few other points as possible. Its
-// weight in front of the depth is the least share, and with the weight at the depth the greatest. Its other points are the
-// roots of the kernel polynomial K(x0, x) = sum of p_k(x0) p_k(x) / D_k, p_k being the monic orthogonal polynomials of the
-// moments and D_k their norms. The weight of a point is 1 / K(x, x).
+// The canonical distribution with these moments has matter at the depth itself and at as few other points as
+// possible. Its weight in front of the depth is the least share, and with the weight at the depth the greatest. Its
+// other points are the roots of the kernel polynomial K(x0, x) = sum of p_k(x0) p_k(x) / D_k, p_k being the monic
+// orthogonal polynomials of the moments and D_k their norms. The weight of a point is 1 / K(x, x).
 //
 // There are no loops: software adapters limit the iterations of all loops of a ray together.
 #define_import_path umbravox::moment_share
@@ -12,13 +12,13 @@
 #import umbravox::moments::params
 #import umbravox::real_roots::real_roots
 
-// Norms below this are rounding errors.
+// Norms of orthogonal polynomials below this are rounding errors.
 const LEAST_NORM: f32 = #{LEAST_NORM};
-// A point farther away than this has no weight.
+// Distance beyond which a point of the canonical distribution has no weight.
 const FARTHEST: f32 = 1e3;
 
-// Unit lower triangle of the Hankel matrix of the moments, row by row from the second, and the inverse norms of p_1 to p_4;
-// the norm of p_0 is 1.
+// Unit lower triangle of the Hankel matrix of the moments, row by row from the second, and the inverse norms of p_1
+// to p_4; the norm of p_0 is 1.
 struct Basis {
     row_b: f32,
     row_c: vec2<f32>,
@@ -57,7 +57,7 @@ fn basis_of(b: vec4<f32>, more: vec4<f32>) -> Basis {
 #endif
 }
 
-// Returns p_1 to p_4 at x.
+// Returns the orthogonal polynomials p_1 to p_4 at x.
 fn polynomials(basis: Basis, x: f32) -> vec4<f32> {
     let p1 = x - basis.row_b;
     let p2 = x * x - basis.row_c.x - basis.row_c.y * p1;
@@ -70,7 +70,7 @@ fn kernel_of(basis: Basis, p: vec4<f32>) -> f32 {
     return 1.0 + dot(p * p, basis.inverse_norms);
 }
 
-// Returns the weight of the point of a root, and the same weight if it lies in front, else 0.
+// Returns the weight of the point of a root, and that weight again if the point lies in front of the depth, else 0.
 fn weight_of(basis: Basis, x: f32, t: f32) -> vec2<f32> {
     let counts = abs(t) * FARTHEST > 1.0;
     let point = x + 1.0 / select(1.0, t, counts);
@@ -78,8 +78,8 @@ fn weight_of(basis: Basis, x: f32, t: f32) -> vec2<f32> {
     return vec2<f32>(weight, select(0.0, weight, t < 0.0));
 }
 
-// Returns the share in front of a depth share, `params.beta` of the way from the least to the greatest. The vectors hold the
-// optical depth and the moments times it.
+// Returns the fraction of the optical depth that lies in front of a depth, `params.beta` of the way from the least to
+// the greatest. The vectors hold the optical depth and the moments times it.
 fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_share: f32) -> f32 {
     let scale = 1.0 / first.x;
     let wide = vec4<f32>(0.0, params.biased_moments.x, 0.0, params.biased_moments.y);
@@ -96,8 +96,8 @@ fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_sha
     let c3 = h.z - basis.row_e.w * c4;
     let c2 = h.y - basis.row_d.z * c3 - basis.row_e.z * c4;
     let c1 = h.x - basis.row_c.y * c2 - basis.row_d.y * c3 - basis.row_e.y * c4;
-    // Coefficients in y = (argument) - x, and then in t = 1 / y: the roots are finite, since none lies at x, and the leading
-    // coefficient K(x, x) is the largest.
+    // Coefficients in y = (argument) - x, and then in t = 1 / y: the roots are finite, since none lies at x, and the
+    // leading coefficient K(x, x) is the largest.
     let shifted = vec4<f32>(
         c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * 4.0 * c4)),
         c2 + x * (3.0 * c3 + x * 6.0 * c4),

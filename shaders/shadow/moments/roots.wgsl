@@ -1,7 +1,7 @@
 // Roots of a polynomial of degree two, three or four that has real roots only.
 #define_import_path umbravox::real_roots
 
-// Steps of Laguerre's method, which converges from any start on such polynomials, in the end cubically.
+// Number of steps of Laguerre's method, which converges from any start on such polynomials, in the end cubically.
 const LAGUERRE_STEPS: i32 = 7;
 
 fn quadratic_roots(b: f32, c: f32) -> vec2<f32> {
@@ -36,10 +36,11 @@ fn quartic_roots(a: f32, b: f32, c: f32, d: f32) -> vec4<f32> {
     return vec4<f32>(cubic_roots(p, q, c + t * q), t);
 }
 
-// Longest step, as a share of the root and 1: longer ones come from double roots.
+// Longest accepted Newton step, relative to the root and 1: longer steps come from double roots.
 const LONGEST_STEP: f32 = 0.1;
 
-// Refines each root by one step of Newton's method: closed forms are as exact as the largest root, and others may be far smaller.
+// Refines each root by one step of Newton's method. Closed forms have the absolute accuracy of the largest root, and
+// other roots may be far smaller.
 fn refined(roots: vec4<f32>, c: array<f32, 5>) -> vec4<f32> {
     let value = (((c[4] * roots + c[3]) * roots + c[2]) * roots + c[1]) * roots + c[0];
     let slope = ((4.0 * c[4] * roots + 3.0 * c[3]) * roots + 2.0 * c[2]) * roots + c[1];

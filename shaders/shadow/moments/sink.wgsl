@@ -1,5 +1,5 @@
-// Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018, 3): the optical depth, and the means
-// over it of powers of the depth, or of points on the unit circle.
+// Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018, 3): the optical depth, and
+// the means over it of powers of the depth, or of points on the unit circle.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -15,7 +15,7 @@ struct Sink {
     optical_depth: f32,
 }
 
-// Optical depth, then the moments times it.
+// Optical depth, then each moment times the optical depth.
 var<private> sums: array<f32, #{MOMENTS} + 1>;
 
 fn start_sink(march: u32) -> Sink {
@@ -31,7 +31,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if !(depth > 0.0) { return false; }
     let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
     let from_share = (z_from - light.depth_start_mm) / light.depth_range_mm;
-    // The piece ends with the ray.
+    // The piece ends where the ray ends.
     let z_end = z_from + (z_to - z_from) * (d / depth);
     let to_share = (z_end - light.depth_start_mm) / light.depth_range_mm;
     sums[0] += d;
@@ -72,7 +72,8 @@ var<private> words: array<u32, #{MOMENTS} / 2 + 1>;
 fn finish() {
     let scale = 1.0 / max(sums[0], 1e-30);
 #ifndef TRIGONOMETRIC
-    // Means of the Chebyshev polynomials T_k from those of powers: T_k = 2 x T_(k-1) - T_(k-2), coefficient by coefficient.
+    // Means of the Chebyshev polynomials T_k from those of powers: T_k = 2 x T_(k-1) - T_(k-2), coefficient by
+    // coefficient.
     var before = array<f32, #{MOMENTS} + 1>();
     var here = array<f32, #{MOMENTS} + 1>();
     before[0] = 1.0;

@@ -1,8 +1,9 @@
-// Bounds of the share of a distribution on the unit circle that lies in front of a depth, from its trigonometric moments
-// (Muenstermann et al. 2018, 4); the counterpart of `power.wgsl`.
+// Bounds of the share of a distribution on the unit circle that lies in front of a depth, from its trigonometric
+// moments (Muenstermann et al. 2018, 4); the counterpart of `power.wgsl`.
 //
-// Depths lie at angles from 0 to `params.largest_angle`; no matter lies between that and the full circle. A point that is found
-// there counts as in front by how near it is to the full circle. Complex numbers are vectors of real and imaginary part.
+// Depths lie at angles from 0 to `params.largest_angle`; no matter lies between that and the full circle. A point
+// that is found there counts as in front by how near it is to the full circle. Complex numbers are vectors of real
+// and imaginary part.
 #define_import_path umbravox::moment_share
 
 #import umbravox::moments::params
@@ -11,7 +12,8 @@
 const LEAST_NORM: f32 = #{LEAST_NORM};
 const FULL: f32 = 6.28318530717959;
 
-// Unit lower triangle of the Toeplitz matrix of the moments, and the inverse norms of p_1 to p_4; the norm of p_0 is 1.
+// Unit lower triangle of the Toeplitz matrix of the moments, and the inverse norms of p_1 to p_4; the norm of p_0 is
+// 1.
 struct Basis {
     b_a: vec2<f32>,
     c_a: vec2<f32>,
@@ -26,7 +28,7 @@ struct Basis {
     inverse_norms: vec4<f32>,
 }
 
-// p_1 to p_4 at a point of the circle.
+// Orthogonal polynomials p_1 to p_4 at a point of the unit circle.
 struct Polynomials {
     first: vec2<f32>,
     second: vec2<f32>,
@@ -97,7 +99,7 @@ fn kernel_of(basis: Basis, p: Polynomials) -> f32 {
     return 1.0 + dot(squares, basis.inverse_norms);
 }
 
-// Returns the weight of the point of a root, and how much of it lies in front.
+// Returns the weight of the point of a root, and the part of that weight that lies in front of the depth.
 fn weight_of(basis: Basis, z: vec2<f32>, angle: f32, t: f32) -> vec2<f32> {
     let point = vec2<f32>(t * t - 1.0, 2.0 * t) / (t * t + 1.0);
     let weight = 1.0 / kernel_of(basis, polynomials(basis, times(z, point)));
@@ -130,8 +132,8 @@ fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_sha
     let g2 = times(c2, z2);
     let g3 = times(c3, times(z2, z));
     let g4 = times(c4, times(z2, z2));
-    // With z (t + i) / (t - i) for the point of the circle, t the cotangent of half the angle from z on, K (t - i)^n is real
-    // and its leading coefficient K(z, z): sums of (t + i)^k (t - i)^(n - k) times g_k.
+    // With z (t + i) / (t - i) for the point of the circle, t the cotangent of half the angle from z on, K (t - i)^n
+    // is real and its leading coefficient K(z, z): sums of (t + i)^k (t - i)^(n - k) times g_k.
 #ifdef DEGREE_2
     let q = vec4<f32>(2.0 * g0.y - 2.0 * g2.y, g1.x - g0.x - g2.x, 0.0, 0.0);
 #else

@@ -1,21 +1,21 @@
 // Filtered moments that are stored in 16 bits each.
 //
-// The first word of a texel is its optical depth, a float. The others hold two moments each, in even steps from -1 to 1. Power
-// moments are stored as means of Chebyshev polynomials: powers follow with positive weights that add up to one, so that no
-// rounding error grows.
+// The first word of a texel is its optical depth, a float. The others hold two moments each, in even steps from -1 to
+// 1. Power moments are stored as means of Chebyshev polynomials: powers follow with positive weights that add up to
+// one, so that no rounding error grows.
 #define_import_path umbravox::moment_vectors
 
 #import umbravox::vectors::VECTORS
 #import umbravox::vectors_read::{AtlasPoint, words_at}
 
 struct Moments {
-    // Optical depth, then the moments times it, one after another.
+    // Optical depth, then each moment times the optical depth.
     first: vec4<f32>,
     second: vec4<f32>,
     third: vec4<f32>,
 }
 
-// Returns the means of powers 1 to 8 from those of T_1 to T_8.
+// Returns the means of the powers 1 to 8 from those of the Chebyshev polynomials T_1 to T_8.
 fn powers_of(a: vec4<f32>, b: vec4<f32>) -> array<vec4<f32>, 2> {
     return array<vec4<f32>, 2>(
         vec4<f32>(

@@ -1,4 +1,4 @@
-// `osm`: lookup in an opacity shadow map (Kim & Neumann 2001, 2).
+// `osm`: query of the transmittance in an opacity shadow map (Kim & Neumann 2001, 2).
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
@@ -6,8 +6,8 @@
 #import umbravox::layers::params
 #import umbravox::layers_read::{layer_point, optical_depth_at}
 
-// Returns the weight of column or row i of the filter, which has `side` of them; the point lies `w` past the centre of the
-// middle one.
+// Returns the weight of column or row i of a filter of `side` columns and rows. The point lies `w` past the centre of
+// the middle one.
 fn tap_weight(i: u32, side: u32, w: f32) -> f32 {
 #ifdef FILTER_BILINEAR
     // The mean of side - 1 texels, interpolated between the two nearest positions.
@@ -24,10 +24,11 @@ fn transmittance(g: vec3<f32>) -> f32 {
     // Nothing with extinction lies outside the map.
     let margin = 0.5 * f32(params.kernel);
     let last = f32(light.map_size) - 1.0 + margin;
-    // Nor in front of its range, where the position of a point light has no texel.
+    // Nothing with extinction lies in front of the map's depth range, where the position of a point light has no
+    // texel.
     if p.z <= light.depth_start_mm { return 1.0; }
     if !(all(p.texel >= vec2<f32>(-margin)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
-    // The planes are the same for every texel.
+    // All texels share the same planes.
     let point = layer_point(0u, light.depth_start_mm, light.depth_start_mm + params.reach_mm, p.z);
 #ifdef FILTER_BILINEAR
     let base = floor(p.texel);

@@ -1,11 +1,12 @@
-// Optical mass of the volume by depth, over rays spread over the map, for `slicing=density` and `slicing=lit`.
+// Computes the optical mass of the volume by depth, over rays spread over the map, for `slicing=density` and
+// `slicing=lit`.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::work::add_work
 #import umbravox::march::march
 #import umbravox::sink::{Sink, store_bin}
 
-// Rays on each side; one stands for a block of texels.
+// Number of rays along each side of the map; each represents a block of texels.
 const MASS_RAYS: u32 = #{MASS_RAYS};
 
 @compute @workgroup_size(8, 8)

@@ -1,4 +1,5 @@
-// Sink that adds the optical mass of one ray, or with WEIGH_LIGHT the light that it loses, to bins of depth in fixed point.
+// Sink that adds the optical mass of one ray, or with WEIGH_LIGHT the light that it loses, to depth bins in fixed
+// point.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -7,14 +8,15 @@
 #endif
 
 const MASS_BINS: u32 = #{SPLIT_BINS};
-// Steps of the fixed point, and the largest mass of a ray in a bin: 2^14 rays stay below 2^32.
+// Number of fixed-point steps of a mass of 1, and the largest mass of a ray in a bin: the sum of 2^14 rays stays
+// below 2^32.
 const MASS_STEPS: f32 = 32768.0;
 const MAX_MASS: f32 = 7.9;
 
 @group(2) @binding(0) var<storage, read_write> mass: array<atomic<u32>, #{SPLIT_BINS}>;
 
 struct Sink {
-    // The present bin, and its mass so far.
+    // Present depth bin, and its mass so far.
     bin: u32,
     depth: f32,
     // Optical depth of the ray so far.
@@ -22,12 +24,12 @@ struct Sink {
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
-    // A piece is divided among bins by length, whatever its course.
+    // The sink has no limit on the optical depth of a piece: it divides each piece among bins by length.
     return 1e30;
 }
 
 fn store_bin(bin: u32, depth: f32) {
-    // Rounded up: planes begin at the first bin with mass, and thin matter in front of it would cast no shadow.
+    // Rounded up: planes begin at the first bin with mass, and thin matter before it would otherwise cast no shadow.
     if depth > 0.0 { atomicAdd(&mass[bin], u32(ceil(min(depth, MAX_MASS) * MASS_STEPS))); }
 }
 
@@ -48,7 +50,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
         // The length of a piece inside one bin may be below the resolution of float32.
         let rise = min(depth, 1e30) * select(clamp(share, 0.0, 1.0), 1.0, first == last);
 #ifdef WEIGH_LIGHT
-        // The light of a whole ray is the largest mass of a bin.
+        // The largest mass of a bin is the light of a whole ray.
         let lost = select(1.0 - exp(-rise), rise, rise < 1e-3);
         (*sink).depth += MAX_MASS * exp(-(*sink).optical_depth) * lost;
 #else

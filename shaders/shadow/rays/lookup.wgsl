@@ -1,4 +1,4 @@
-// `rays`: a shadow ray for each lookup, marched cell by cell to the light.
+// `rays`: a shadow ray for each query, marched cell by cell to the light.
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point, light_ray}

@@ -1,5 +1,5 @@
-// Builds a map of vectors: one workgroup for each tile, one thread for each texel. The sink of the method computes the vectors
-// along the ray of the texel.
+// Builds a shadow map that stores several vectors in each texel: one workgroup for each tile, one thread for each
+// texel. The sink of the shadow method computes the vectors along the ray of the texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm, OCTAHEDRAL}
 #import umbravox::work::add_work
@@ -12,7 +12,8 @@
 // Number of texels whose ray meets extinction.
 @group(2) @binding(2) var<storage, read_write> texels_hit: atomic<u32>;
 
-// Stores the vectors of a texel, which may lie one texel outside the map, in every tile that has it inside or in its margin.
+// Stores the vectors of a texel in every tile that contains it or has it in its margin. The texel may lie one texel
+// outside the map.
 fn store_at(texel: vec2<i32>) {
     let side = i32(TILE);
     let home = texel >> vec2<u32>(#{TILE_SHIFT});
@@ -73,7 +74,8 @@ fn build(
     finish();
     if met_extinction() {
         atomicAdd(&texels_hit, 1u);
-        // Texels outside the map repeat its edge; an octahedral map continues at the mirrored position on the same edge.
+        // Texels outside the map repeat its edge; an octahedral map continues at the mirrored position on the same
+        // edge.
         let texel = vec2<i32>(here.texel);
         let last = i32(light.map_size) - 1;
         let octahedral = light.projection == OCTAHEDRAL;

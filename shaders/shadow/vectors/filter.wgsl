@@ -1,4 +1,5 @@
-// Lookup of methods whose vectors cannot be averaged: it averages the transmittances of the texels around a point.
+// Shadow query of methods whose stored vectors cannot be averaged: it averages the transmittances of the texels
+// around a point.
 #define_import_path umbravox::method
 
 #import umbravox::light::light_point

@@ -1,4 +1,4 @@
-// Reads of a map of vectors.
+// Reads a shadow map that stores several vectors in each texel.
 #define_import_path umbravox::vectors_read
 
 #import umbravox::light::{light, LightPoint}
@@ -15,14 +15,14 @@
 @group(1) @binding(4) var linear: sampler;
 #endif
 
-// Position in the first plane of the atlas, in texel coordinates with centres at whole numbers.
+// Position in the first plane of the atlas, in texel coordinates with centres at integers.
 struct AtlasPoint {
     texel: vec2<f32>,
-    // All light arrives, and nothing is stored.
+    // Whether the transmittance is 1 because nothing is stored there.
     lit: bool,
 }
 
-// Returns the position of a point of light space in the atlas.
+// Returns the atlas position of a point in light space.
 fn atlas_point(p: LightPoint) -> AtlasPoint {
     let last = f32(light.map_size) - 0.5;
     // Nothing with extinction lies outside the map, or in front of its range of depths.
@@ -37,19 +37,19 @@ fn atlas_point(p: LightPoint) -> AtlasPoint {
 }
 
 #ifdef WORDS
-// Returns a vector of words at one texel.
+// Returns vector v of a texel as raw 32-bit words.
 fn words_at(texel: vec2<u32>, v: u32) -> vec4<u32> {
     count_work(LOADS, 1u);
     return textureLoad(atlas, texel + vec2<u32>(0u, v * TILE_SIDE), 0);
 }
 #else
-// Returns a vector at one texel.
+// Returns vector v of a texel.
 fn vector_at(texel: vec2<u32>, v: u32) -> vec4<f32> {
     count_work(LOADS, 1u);
     return textureLoad(atlas, texel + vec2<u32>(0u, v * TILE_SIDE), 0);
 }
 
-// Returns a filtered vector.
+// Returns vector v at an atlas position, filtered over the neighbouring texels.
 fn filtered_vector(point: AtlasPoint, v: u32) -> vec4<f32> {
 #ifdef HARDWARE_FILTER
     count_work(LOADS, 1u);

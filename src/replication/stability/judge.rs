@@ -73,7 +73,7 @@ const PICTURE_RANGE: f32 = 1e-5;
 
 impl Findings {
     /// Counts the channels of a picture that are not finite or outside `[0, 1]`.
-    pub fn look_at<'a>(&mut self, channels: impl IntoIterator<Item = &'a f32>) {
+    pub fn check_picture<'a>(&mut self, channels: impl IntoIterator<Item = &'a f32>) {
         for v in channels {
             self.picture_non_finite += usize::from(!v.is_finite());
             self.picture_out_of_range +=
@@ -108,7 +108,7 @@ impl Findings {
     }
 
     /// Returns descriptions of all numerical faults found, worst first. Empty if there are none.
-    pub fn complaints(&self) -> Vec<String> {
+    pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let mut count = |n: usize, what: &str| {
             if n > 0 {
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn what_is_right_is_ok() {
         let right = of(EXACT, Some(BOUND));
-        assert_eq!((right.status(), right.complaints()), (Status::Ok, vec![]));
+        assert_eq!((right.status(), right.faults()), (Status::Ok, vec![]));
         let [a, b, c, d] = EXACT;
         assert_eq!(of([a, b + 0.03, c - 0.02, d], Some(BOUND)).status(), Status::Ok, "within the bound");
     }
@@ -182,7 +182,7 @@ mod tests {
         ] {
             let found = of(values, Some(BOUND));
             assert_eq!(found.status(), status, "{values:?}");
-            assert!(found.complaints().iter().any(|c| c.contains(said)), "{:?}", found.complaints());
+            assert!(found.faults().iter().any(|c| c.contains(said)), "{:?}", found.faults());
         }
     }
 
@@ -200,7 +200,7 @@ mod tests {
             {
                 let found = Findings { curve, ..of(values, None) };
                 assert_eq!(found.status(), status, "{curve:?}: {values:?}");
-                assert_eq!(found.complaints().is_empty(), values == EXACT, "what is allowed is said too");
+                assert_eq!(found.faults().is_empty(), values == EXACT, "what is allowed is said too");
             }
         }
     }
@@ -217,19 +217,19 @@ mod tests {
     fn the_worst_of_several_is_the_status_and_all_are_named() {
         let found = of([1.0, 0.1, 0.5, f32::NAN], Some(BOUND));
         assert_eq!(found.status(), Status::Nan);
-        assert_eq!(found.complaints().len(), 3);
+        assert_eq!(found.faults().len(), 3);
         assert!(Status::ALL.is_sorted());
     }
 
     #[test]
     fn pictures_count() {
         let mut found = of(EXACT, Some(BOUND));
-        found.look_at(&[0.0, 1.0, 0.5, 1.000_001]);
+        found.check_picture(&[0.0, 1.0, 0.5, 1.000_001]);
         assert_eq!(found.status(), Status::Ok);
-        found.look_at(&[1.01, 0.2, -0.5]);
+        found.check_picture(&[1.01, 0.2, -0.5]);
         assert_eq!((found.status(), found.out_of_range()), (Status::OutOfRange, 2));
-        found.look_at(&[f32::NAN, f32::NEG_INFINITY]);
+        found.check_picture(&[f32::NAN, f32::NEG_INFINITY]);
         assert_eq!((found.status(), found.non_finite()), (Status::Nan, 2));
-        assert!(found.complaints()[0].contains("2 channels of the picture are not finite"));
+        assert!(found.faults()[0].contains("2 channels of the picture are not finite"));
     }
 }

@@ -1,4 +1,4 @@
-//! `.hair` files of Cem Yuksel, read and written without loss.
+//! Lossless reader and writer of Cem Yuksel's `.hair` files (hair strands).
 //!
 //! 128 bytes of header, little-endian: `HAIR`; number of strands, number of points (u32); flags (u32: 1 segments, 2
 //! points, 4 thickness, 8 transparency, 16 colours); default segments (u32), thickness, transparency (f32), colour
@@ -15,25 +15,26 @@ use bytemuck::{Pod, Zeroable};
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-/// Size of the header.
+/// Size of the header of a `.hair` file, bytes.
 pub const HEADER_BYTES: u64 = size_of::<HairHeader>() as u64;
 
-/// File-name ending of the format.
+/// File-name extensions of the `.hair` format of strands.
 pub const HAIR_EXTENSIONS: &[&str] = &["hair"];
 
-/// First bytes of a file.
+/// First four bytes of every `.hair` file.
 pub(super) const MAGIC: &[u8; 4] = b"HAIR";
 
-/// Largest number of segments of a strand, a u16 in the file.
+/// Largest number of segments of one strand in a `.hair` file, which stores it as a u16.
 const MOST_SEGMENTS: u32 = u16::MAX as u32;
 
-/// Bytes read at a time.
+/// Number of bytes of a `.hair` file that are read at a time.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// Byte of the number of points.
+/// Byte offset of the number of points in the header of a `.hair` file.
 const POINT_COUNT: u64 = 8;
 
-/// Arrays in the order of their flags: quantity, name, bytes of an entry, and byte of the default in the header.
+/// Arrays of a `.hair` file in the order of their flags: quantity, name, bytes of an entry, and byte offset of the
+/// default value in the header.
 const ARRAYS: [(StrandQuantity, &str, u64, u64); 5] = [
     (StrandQuantity::Segments, "segment", 2, 16),
     (StrandQuantity::Points, "point", 12, POINT_COUNT),
@@ -42,7 +43,7 @@ const ARRAYS: [(StrandQuantity, &str, u64, u64); 5] = [
     (StrandQuantity::Color, "colour", 12, 28),
 ];
 
-/// Header of a file.
+/// Header of a `.hair` file, as its bytes lie in the file.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct HairHeader {
@@ -54,7 +55,7 @@ struct HairHeader {
     default_thickness: f32,
     default_transparency: f32,
     default_color: [f32; 3],
-    /// 88 bytes.
+    /// Information text of the `.hair` file, 88 bytes.
     info: [[u8; 8]; 11],
 }
 
@@ -62,7 +63,8 @@ struct HairHeader {
 compile_error!("the header and arrays of .hair files are read as they lie in memory, little-endian");
 
 impl HairHeader {
-    /// Present arrays: quantity, name, first byte and the byte behind the last; at most 2^37.
+    /// Returns each array that the `.hair` file contains: quantity, name, first byte and end byte (exclusive, at most
+    /// 2^37).
     fn arrays(&self) -> impl Iterator<Item = (StrandQuantity, &'static str, u64, u64)> {
         let mut end = HEADER_BYTES;
         let present = ARRAYS.into_iter().filter(|(part, ..)| self.has(*part));
@@ -81,7 +83,7 @@ impl HairHeader {
         (if part == StrandQuantity::Segments { self.strands } else { self.points }) as usize
     }
 
-    /// Byte of the number that a flaw is about.
+    /// Returns the byte offset in the `.hair` file of the number that an error is about.
     fn place(&self, flaw: &Flaw) -> u64 {
         let array = ARRAYS.into_iter().find(|(part, ..)| *part == flaw.part);
         let (_, _, bytes, default) = array.unwrap_or((flaw.part, "", 0, POINT_COUNT));
@@ -89,7 +91,7 @@ impl HairHeader {
         flaw.entry.map_or(default, |entry| start + entry as u64 * bytes)
     }
 
-    /// Refuses a file that is not exactly as long as its header claims, or a header whose numbers disagree.
+    /// Rejects a `.hair` file whose length differs from what its header claims, or whose header contradicts itself.
     fn check_length(&self, length: u64) -> Result<(), (u64, String)> {
         let Self { strands, default_segments, points, .. } = *self;
         let wanted = u64::from(strands) * (u64::from(default_segments) + 1);
@@ -113,7 +115,7 @@ impl HairHeader {
         }
     }
 
-    /// Reads an array if it is present.
+    /// Reads one array of a `.hair` file; `None` if the file does not contain it.
     fn read<T: Pod>(&self, part: StrandQuantity, input: &mut dyn Read) -> io::Result<Option<Vec<T>>> {
         if !self.has(part) {
             return Ok(None);
@@ -127,7 +129,7 @@ impl HairHeader {
     }
 }
 
-/// Parses an input of `length` bytes. Nothing is allocated before the length agrees with the header.
+/// Parses a `.hair` file of `length` bytes. It allocates memory only after the length agrees with the header.
 ///
 /// # Errors
 /// The input is cut short or longer than its header claims, or holds invalid numbers; the error names the byte.
@@ -177,7 +179,8 @@ pub(super) fn parse(input: &mut dyn Read, length: u64, source: &str) -> Result<S
         .map_err(|flaw| at(header.place(&flaw), flaw.why))
 }
 
-/// Writes strands as a `.hair` file, whole or not at all; a file that was read is written back byte for byte.
+/// Writes strands as a `.hair` file, completely or not at all. A `.hair` file that was read is written back byte for
+/// byte.
 ///
 /// # Errors
 /// The name does not end in `.hair`, a strand has too many segments for the format, or the file cannot be written.

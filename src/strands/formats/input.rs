@@ -1,4 +1,4 @@
-//! Opening of strand files, and errors that name a byte or line.
+//! Opens strand files, and makes reading errors that name a byte or line of the file.
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
@@ -6,10 +6,11 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-/// Start of error lines about reading.
+/// First words of every error about reading strands.
 pub(super) const WHAT: &str = "cannot read strands";
 
-/// Opens a regular file, watched through `loading`; returns its length in bytes too.
+/// Opens a strand file, which must be a regular file, and returns a reader and the file's length in bytes. `loading`
+/// shows progress and can cancel the reading.
 ///
 /// # Errors
 /// The path is no regular file, or cannot be opened.
@@ -25,7 +26,7 @@ pub(super) fn open<'a>(path: &Path, loading: &'a Loading) -> Result<(BufReader<W
     Ok((BufReader::new(Watched::new(file, length, loading)), length))
 }
 
-/// Reads the whole of an input of at most `length` bytes.
+/// Reads all bytes of a strand file of at most `length` bytes.
 ///
 /// # Errors
 /// The input cannot be read, or memory does not hold it.
@@ -39,17 +40,18 @@ pub(super) fn read_whole(input: &mut dyn Read, length: u64, source: &str) -> Res
     Ok(bytes)
 }
 
-/// Error of the whole file. [`Error::at`] puts the path before the place of this and the following errors.
+/// Returns an error about a strand file as a whole. [`Error::at`] adds the path to this error and to those that name
+/// a byte or line.
 pub(super) fn in_file(why: impl ToString) -> Error {
     Error::input(WHAT, "", why)
 }
 
-/// Error at a byte, from 0.
+/// Returns an error at a byte of a strand file; bytes count from 0.
 pub(super) fn at_byte(byte: usize, why: impl ToString) -> Error {
     Error::input(WHAT, format!("byte {byte}"), why)
 }
 
-/// Error in a line, from 1.
+/// Returns an error in a line of a strand file; lines count from 1.
 pub(super) fn in_line(line: usize, why: impl ToString) -> Error {
     Error::input(WHAT, format!("line {line}"), why)
 }

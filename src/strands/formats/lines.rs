@@ -1,4 +1,4 @@
-//! Polylines that a reader collects point by point.
+//! Collects polylines point by point for the readers of strand files.
 
 use super::super::{Attribute, MAX_MM, StrandArrays, Strands};
 use super::input::{WHAT, in_file, read_whole};
@@ -7,34 +7,35 @@ use crate::files::input::says_lps;
 use glam::DVec3;
 use std::io::Read;
 
-/// Polylines without a thickness.
+/// Polylines of a strand file whose format stores no thickness.
 #[derive(Debug, Default)]
 pub(super) struct Polylines {
     points: Vec<[f32; 3]>,
     segments: Vec<u32>,
-    /// Points of the line that has not ended.
+    /// Number of points of the polyline that is still being read.
     open: usize,
-    /// Number of skipped lines that have no length.
+    /// Number of polylines that were skipped because they have fewer than two points.
     lone: usize,
-    /// Messages for the user.
+    /// Warnings for the user about the strand file.
     pub warnings: Vec<String>,
-    /// The x and y axes of the file point left and back, so that both are negated.
+    /// Whether the file's coordinates are LPS (x to the left, y to the back), so that x and y are negated on reading.
     is_lps: bool,
 }
 
 impl Polylines {
-    /// Polylines of a file whose beginning may contain `SPACE=LPS`.
+    /// Creates an empty set of polylines, in LPS coordinates if the beginning of the file contains `SPACE=LPS`.
     pub fn in_space_of(bytes: &[u8]) -> Self {
         Self { is_lps: says_lps(bytes), ..Self::default() }
     }
 
-    /// Reserves memory for points that the file has been checked to be long enough for.
+    /// Reserves memory for a number of polyline points. The caller first checks that the file is long enough for
+    /// them.
     pub fn reserve(&mut self, points: usize) -> Result<()> {
         let reserved = self.points.try_reserve_exact(points);
         reserved.map_err(|_| in_file(format!("there is not enough memory for {points} points")))
     }
 
-    /// Appends a point (mm) to the line.
+    /// Appends a point (mm) to the polyline that is being read.
     pub fn point(&mut self, p: DVec3) -> Result<(), String> {
         if !p.to_array().iter().all(|x| x.abs() <= f64::from(MAX_MM)) {
             let [x, y, z] = p.to_array();
@@ -52,7 +53,7 @@ impl Polylines {
         Ok(())
     }
 
-    /// Ends the line; lines of fewer than two points are skipped and counted.
+    /// Ends the polyline that is being read. A polyline of fewer than two points is skipped and counted.
     pub fn end(&mut self) {
         if self.open < 2 {
             self.points.truncate(self.points.len() - self.open);
@@ -64,12 +65,12 @@ impl Polylines {
         self.open = 0;
     }
 
-    /// Whether the line that has not ended has any point.
+    /// Returns whether a polyline has been started and not yet ended.
     pub fn is_open(&self) -> bool {
         self.open > 0
     }
 
-    /// Number of ended lines, skipped ones included.
+    /// Number of polylines read so far, including those skipped for having fewer than two points.
     pub fn count(&self) -> usize {
         self.segments.len() + self.lone
     }
@@ -93,7 +94,7 @@ impl Polylines {
     }
 }
 
-/// Reads strands from an input of `length` bytes with a parser of its bytes.
+/// Reads strands from an input of `length` bytes by a given parser of polylines.
 pub(super) fn read_by(
     parse: fn(&[u8]) -> Result<Polylines>,
     input: &mut dyn Read,

@@ -1,4 +1,4 @@
-//! Readers of strand files. A new format is one entry of [`STRAND_FORMATS`].
+//! Readers of strand files (hair, fibre tracks, polylines). A new format is one entry of [`STRAND_FORMATS`].
 
 mod hair;
 mod input;
@@ -22,32 +22,32 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes at the beginning of a file by which its format is recognised.
+/// Number of bytes at the beginning of a strand file that are used to recognise its format.
 const HEAD_BYTES: u64 = 1024;
 
-/// Format of strand files.
+/// File format of strands, with its name, file-name extension and reader.
 #[derive(Debug)]
 pub struct StrandFormat {
-    /// Name for messages.
+    /// Name of the strand file format for messages.
     pub name: &'static str,
-    /// File-name ending, without the dot.
+    /// File-name extension of the strand file format, without the dot.
     pub ending: &'static str,
-    /// Whether its files may give a thickness.
+    /// Whether files of this strand format can store a thickness of the strands.
     pub has_thickness: bool,
-    /// Whether a file with this beginning has this format; `None` where only its name can tell.
+    /// Returns whether a file with these first bytes has this strand format; `None` if only the file name can tell.
     recognise: fn(&[u8]) -> Option<bool>,
     reader: Reader,
 }
 
-/// Reader of a format.
+/// Reader of one strand file format.
 #[derive(Debug)]
 enum Reader {
     Hair,
-    /// Parser of the bytes of polylines without a thickness.
+    /// Parser of a file format that stores polylines without a thickness.
     Polylines(fn(&[u8]) -> Result<Polylines>),
 }
 
-/// Format of polylines without a thickness.
+/// Describes a strand file format that stores polylines without a thickness.
 const fn polylines(
     name: &'static str,
     ending: &'static str,
@@ -57,7 +57,7 @@ const fn polylines(
     StrandFormat { name, ending, has_thickness: false, recognise, reader: Reader::Polylines(parse) }
 }
 
-/// All formats.
+/// List of all file formats of strands that can be read.
 pub const STRAND_FORMATS: &[StrandFormat] = &[
     StrandFormat {
         name: "Cem Yuksel's hair",
@@ -73,11 +73,11 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
     polylines("Wavefront polylines", "obj", |_| None, obj::parse),
 ];
 
-/// File-name endings of all formats.
+/// File-name extensions of all strand file formats.
 pub const STRAND_EXTENSIONS: &[&str] = &["hair", "tck", "trk", "vtk", "vtp", "obj"];
 
 impl StrandFormat {
-    /// Format of a file by its first bytes, or else by its name.
+    /// Finds the format of a strand file by its first bytes, or else by its file name.
     fn of(head: &[u8], path: &Path) -> Option<&'static Self> {
         let named = |f: &&Self| {
             path.extension().is_some_and(|e| e.eq_ignore_ascii_case(f.ending))
@@ -87,7 +87,7 @@ impl StrandFormat {
         by_content.or_else(|| STRAND_FORMATS.iter().find(named))
     }
 
-    /// Reads an input of `length` bytes; `source` is its path or name for messages.
+    /// Reads strands of this file format from an input of `length` bytes; `source` is its path or name for messages.
     fn read(&self, input: &mut dyn Read, length: u64, source: &str) -> Result<Strands> {
         match self.reader {
             Reader::Hair => hair::parse(input, length, source),
@@ -95,7 +95,8 @@ impl StrandFormat {
         }
     }
 
-    /// Format of a file; the name alone decides where the file cannot be opened.
+    /// Finds the format of a strand file from its first bytes; only the file name decides if the file cannot be
+    /// opened.
     pub fn of_file(path: &Path) -> Option<&'static Self> {
         let mut head = Vec::new();
         // Opening a pipe waits for a writer for ever.
@@ -107,10 +108,11 @@ impl StrandFormat {
     }
 }
 
-/// Reads a file of strands, watched and cancelled through `loading`.
+/// Reads a strand file of any known format; `loading` shows progress and can cancel the reading.
 ///
 /// # Errors
-/// The file cannot be read, has no known format, breaks its format (the error names the byte or line), or was cancelled.
+/// The file cannot be read, has no known format, breaks its format (the error names the byte or line), or was
+/// cancelled.
 pub fn read_strands(path: &Path, loading: &Loading) -> Result<Strands> {
     let source = path.display().to_string();
     let format = StrandFormat::of_file(path).ok_or_else(|| unknown(&source))?;
@@ -118,7 +120,7 @@ pub fn read_strands(path: &Path, loading: &Loading) -> Result<Strands> {
     format.read(&mut input, length, &source)
 }
 
-/// Reads the bytes of a strand file of this name.
+/// Reads strands from the bytes of a strand file; the file name helps to find its format.
 ///
 /// # Errors
 /// The bytes have no known format or break it.

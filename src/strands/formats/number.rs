@@ -1,8 +1,8 @@
-//! Numbers of binary files.
+//! Decodes single numbers of binary strand files.
 
 use crate::volume::Element;
 
-/// Element type by its name in a legacy VTK file.
+/// Returns the element type for a type name of a legacy VTK file, such as `float` or `vtktypeint64`.
 pub(super) fn legacy_vtk_element(name: &str) -> Option<Element> {
     let name = name.to_ascii_lowercase();
     match name.as_str() {
@@ -15,7 +15,7 @@ pub(super) fn legacy_vtk_element(name: &str) -> Option<Element> {
     }
 }
 
-/// Decodes the number at the beginning of `bytes`. Integers are exact up to 2^53, more than any file has points.
+/// Decodes the number at the beginning of `bytes`. Integers are exact up to 2^53, more than the points of any file.
 ///
 /// # Panics
 /// `bytes` are too few.

@@ -1,7 +1,8 @@
-//! Wavefront OBJ: the polylines of its `l` elements.
+//! Reader of the polylines of Wavefront OBJ files (their `l` elements).
 //!
-//! `v x y z` is a point. `l a b c ...` is a polyline through points by their numbers, from 1 or, below 0, from the last one
-//! backwards. In `a/t` the texture coordinate is ignored, as are all other elements. Coordinates are world mm, RAS+.
+//! `v x y z` is a point. `l a b c ...` is a polyline through points by their numbers, from 1 or, below 0, from the
+//! last one backwards. In `a/t` the texture coordinate is ignored, as are all other elements. Coordinates are world
+//! mm, RAS+.
 //!
 //! The `tobj` crate is not used: it rounds coordinates with its own parser of floats, and turns lines into pairs.
 
@@ -10,7 +11,7 @@ use super::lines::Polylines;
 use crate::error::Result;
 use glam::DVec3;
 
-/// Parses the polylines of a file.
+/// Parses the polylines (`l` elements) of a Wavefront OBJ file.
 ///
 /// # Errors
 /// A line is malformed, a polyline names a missing point, or there are no polylines.

@@ -1,11 +1,12 @@
-//! MRtrix track files, `.tck`.
+//! Reader of MRtrix track files (`.tck`).
 //!
-//! A text header of `key: value` lines stands between `mrtrix tracks` and `END`. It needs the keys `datatype` (`Float32LE`,
-//! `Float32BE`, `Float64LE`, `Float64BE`) and `file: . OFFSET`; `count` is optional. From that byte on points follow in scanner
-//! coordinates, mm, RAS+. A point of three NaN ends a track, one of three infinities the file.
+//! A text header of `key: value` lines stands between `mrtrix tracks` and `END`. It needs the keys `datatype`
+//! (`Float32LE`, `Float32BE`, `Float64LE`, `Float64BE`) and `file: . OFFSET`; `count` is optional. From that byte on
+//! points follow in scanner coordinates, mm, RAS+. A point of three NaN ends a track, one of three infinities the
+//! file.
 //!
-//! Source: <https://mrtrix.readthedocs.io/en/latest/getting_started/image_data.html>, "Tracks file format". No crate was found
-//! that reads it.
+//! Source: <https://mrtrix.readthedocs.io/en/latest/getting_started/image_data.html>, "Tracks file format". No crate
+//! was found that reads it.
 
 use super::input::{at_byte, in_file, in_line};
 use super::lines::Polylines;
@@ -14,13 +15,13 @@ use crate::error::Result;
 use crate::volume::Element;
 use glam::DVec3;
 
-/// First bytes of a file.
+/// First bytes of every MRtrix track file (`.tck`).
 pub(super) const MAGIC: &[u8] = b"mrtrix tracks";
 
-/// Element type, and whether it is big-endian.
+/// Returns the element type of a `.tck` file and whether it is big-endian, from the header's `datatype`.
 fn element_of(datatype: &str) -> Option<(Element, bool)> {
     let lower = datatype.to_ascii_lowercase();
-    // Without a byte order it is the writing machine's, which is little-endian almost everywhere.
+    // Without a byte order in the name it is that of the writing machine, which is nearly always little-endian.
     let (kind, big_endian) = match lower.strip_suffix("be") {
         Some(kind) => (kind, true),
         None => (lower.strip_suffix("le").unwrap_or(&lower), false),
@@ -29,11 +30,11 @@ fn element_of(datatype: &str) -> Option<(Element, bool)> {
     Some((element, big_endian))
 }
 
-/// Header of a `.tck` file.
+/// Header of an MRtrix track file (`.tck`).
 struct TrackHeader {
     element: Element,
     big_endian: bool,
-    /// First byte of the points.
+    /// Byte offset of the first point in the `.tck` file.
     offset: usize,
     count: Option<u64>,
 }
@@ -82,7 +83,7 @@ impl TrackHeader {
     }
 }
 
-/// Parses the tracks of a file.
+/// Parses the tracks of an MRtrix track file (`.tck`).
 ///
 /// # Errors
 /// The file breaks its format, or ends before its end mark.

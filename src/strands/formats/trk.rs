@@ -1,11 +1,11 @@
-//! TrackVis track files, `.trk`, of versions 1 to 3, little- or big-endian (which the header's size field tells).
+//! Reader of TrackVis track files (`.trk`) of versions 1 to 3. The header's size field tells their byte order.
 //!
-//! A header of 1000 bytes, then track after track: the number of its points (i32), for each point three coordinates and
-//! `n_scalars` numbers (f32), and `n_properties` numbers. Where `n_count` is 0 tracks extend to the end of the file.
-//! `trk_space.rs` converts coordinates to world mm.
+//! A header of 1000 bytes, then track after track: the number of its points (i32), for each point three coordinates
+//! and `n_scalars` numbers (f32), and `n_properties` numbers. Where `n_count` is 0 tracks extend to the end of the
+//! file. `trk_space.rs` converts coordinates to world mm.
 //!
-//! Source: <http://trackvis.org/docs/?subsect=fileformat>. The `trk-io` crate is not used: it allocates what a track claims
-//! before it has read any of it, and panics where the file ends within one.
+//! Source: <http://trackvis.org/docs/?subsect=fileformat>. The `trk-io` crate is not used: it allocates what a track
+//! claims before it has read any of it, and panics where the file ends within one.
 
 use super::input::at_byte;
 use super::lines::Polylines;
@@ -14,13 +14,13 @@ use crate::error::Result;
 use crate::files::binary::BinaryFields;
 use glam::{DAffine3, DMat3, DVec3};
 
-/// First bytes of a file.
+/// First bytes of every TrackVis track file (`.trk`).
 pub(super) const MAGIC: &[u8] = b"TRACK";
 
-/// Size of the header.
+/// Size of the header of a TrackVis file, bytes.
 const HEADER_BYTES: usize = 1000;
 
-/// Byte offsets of the header's fields.
+/// Byte offset of the grid dimensions in the header of a TrackVis file; the offsets of other fields follow.
 const DIMENSIONS: usize = 6;
 const VOXEL_SIZE: usize = 12;
 const SCALARS: usize = 36;
@@ -31,12 +31,12 @@ const COUNT: usize = 988;
 const VERSION: usize = 992;
 const HEADER_SIZE: usize = 996;
 
-/// A count that must not be negative.
+/// Converts a count of a TrackVis file; a negative one is an error at byte `at`.
 fn count_of(n: i32, at: usize, what: &str) -> Result<usize> {
     usize::try_from(n).map_err(|_| at_byte(at, format!("{n} {what} are fewer than none")))
 }
 
-/// World mm from the file's coordinates.
+/// Returns the transform from the coordinates of a TrackVis file to world mm, and adds warnings to `lines`.
 fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAffine3> {
     let voxel_mm: [f64; 3] = file.floats(VOXEL_SIZE);
     if !voxel_mm.iter().all(|mm| mm.is_finite() && *mm > 0.0) {
@@ -71,7 +71,7 @@ fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAff
     Ok(world)
 }
 
-/// Parses the tracks of a file.
+/// Parses the tracks of a TrackVis file (`.trk`).
 ///
 /// # Errors
 /// The file breaks its format, or ends within a track or before all that its header counts.
@@ -95,7 +95,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     }
     let point_numbers = 3 + count_of(file.short(SCALARS).into(), SCALARS, "scalars")?;
     let properties = count_of(file.short(PROPERTIES).into(), PROPERTIES, "properties")?;
-    // 0 where the header does not give it.
+    // 0 if the header does not give the number of tracks.
     let count = count_of(file.integer(COUNT), COUNT, "tracks")?;
     let mut lines = Polylines::default();
     let world_from_trackvis = space(file, version, &mut lines)?;

@@ -1,33 +1,33 @@
-//! Conversion of the coordinates of a TrackVis file to world mm.
+//! Converts the coordinates of a TrackVis file (`.trk`) to world mm.
 //!
-//! The file uses *voxel mm*: indices times voxel sizes, counted from the corner of the first voxel, along the axes that
-//! `voxel_order` names. The steps to world mm, RAS+, are those of `nibabel.streamlines`: divide by the voxel sizes; subtract half
-//! a voxel, since `vox_to_ras` has its zero in a voxel's centre; reorder and flip axes to match those of `vox_to_ras`, whose
-//! directions are those of the nearest rotation; apply `vox_to_ras`.
+//! The file uses *voxel mm*: indices times voxel sizes, counted from the corner of the first voxel, along the axes
+//! that `voxel_order` names. The steps to world mm, RAS+, are those of `nibabel.streamlines`: divide by the voxel
+//! sizes; subtract half a voxel, since `vox_to_ras` has its zero in a voxel's centre; reorder and flip axes to match
+//! those of `vox_to_ras`, whose directions are those of the nearest rotation; apply `vox_to_ras`.
 
 use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::Matrix3;
 
-/// Voxel grid of the header.
+/// Voxel grid that the header of a TrackVis file describes.
 pub(super) struct TrackGrid<'a> {
-    /// Voxels along each axis of `order`.
+    /// Number of voxels along each axis of the TrackVis grid, in the order of the file's `voxel_order`.
     pub dims: [f64; 3],
-    /// Edges of a voxel, mm.
+    /// Size of a voxel of the TrackVis grid along each axis, mm.
     pub voxel_mm: DVec3,
-    /// Direction of each axis, three letters.
+    /// Direction of each axis of the TrackVis grid, three letters such as `LPS` (`voxel_order` of the header).
     pub order: &'a str,
-    /// World mm from indices whose zero is a voxel's centre.
+    /// Transform from voxel indices to world mm (`vox_to_ras` of the TrackVis header); index 0 is a voxel's centre.
     pub world_from_voxel: DAffine3,
 }
 
-/// Direction of an axis: a world axis, and whether along it (1) or against it (-1).
+/// Anatomical direction of a grid axis: the world axis, and 1 along it or -1 against it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Direction {
     axis: usize,
     sign: f64,
 }
 
-/// World mm from the file's coordinates, and whether axes change places.
+/// Returns the transform from the coordinates of a TrackVis file to world mm, and whether it permutes the axes.
 pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), String> {
     let from = directions_of_letters(grid.order).ok_or_else(|| {
         format!("the voxel order `{}` is no three axes, one of R L, A P, S I each", grid.order)
@@ -45,7 +45,7 @@ pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), 
     }
 }
 
-/// Directions of three letters such as `LPS`.
+/// Parses the axis directions from three letters such as `LPS`; `None` unless each axis occurs once.
 fn directions_of_letters(order: &str) -> Option<[Direction; 3]> {
     let direction = |letter: char| {
         let place = "RLAPSI".find(letter.to_ascii_uppercase())?;
@@ -59,7 +59,8 @@ fn each_axis_once(directions: &[Direction; 3]) -> bool {
     (0..3).all(|axis| directions.iter().any(|d| d.axis == axis))
 }
 
-/// World axes nearest to the columns of a matrix, each taken once: those of the nearest rotation, the clearest column first.
+/// Finds the world axis nearest to each column of a matrix, each axis once. It takes the matrix's nearest rotation,
+/// and begins with the column closest to an axis.
 fn directions_of_matrix(matrix: DMat3) -> Option<[Direction; 3]> {
     if !matrix.is_finite() {
         return None;
@@ -88,7 +89,8 @@ fn directions_of_matrix(matrix: DMat3) -> Option<[Direction; 3]> {
     Some([x?, y?, z?]).filter(each_axis_once)
 }
 
-/// Indices along the axes of `to` from those along the axes of `from`, which have `dims` voxels.
+/// Returns the transform of voxel indices from axes along `from` to axes along `to`; `dims` counts the voxels along
+/// `from`.
 fn reordered(from: [Direction; 3], to: [Direction; 3], dims: [f64; 3]) -> Result<DAffine3, String> {
     let (mut matrix, mut shift) = (DMat3::ZERO, DVec3::ZERO);
     for (row, direction) in from.iter().enumerate() {

@@ -1,10 +1,11 @@
-//! Legacy VTK files, `.vtk`: the `LINES` of a `DATASET POLYDATA`, in text or big-endian binary, of versions 1 to 5.1.
+//! Reader of the polylines of legacy VTK files (`.vtk`): `LINES` of a `DATASET POLYDATA`, text or binary, versions 1
+//! to 5.1.
 //!
-//! Coordinates are world mm, RAS+; a title that contains `SPACE=LPS`, 3D Slicer's mark, negates the first two. Vertices,
-//! polygons and strips are ignored, and reading ends where data of points or cells begin.
+//! Coordinates are world mm, RAS+; a title that contains `SPACE=LPS`, 3D Slicer's mark, negates the first two.
+//! Vertices, polygons and strips are ignored, and reading ends where data of points or cells begin.
 //!
-//! Source: *VTK File Formats*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html>. The `vtkio` crate
-//! is not used: it panics on missing arrays and allocates what a header claims.
+//! Source: *VTK File Formats*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html>. The
+//! `vtkio` crate is not used: it panics on missing arrays and allocates what a header claims.
 
 use super::input::{at_byte, in_file};
 use super::lines::Polylines;
@@ -13,10 +14,11 @@ use crate::error::Result;
 use crate::volume::Element;
 use glam::DVec3;
 
-/// First bytes of a file.
+/// First bytes of every legacy VTK file.
 const MAGIC: &[u8] = b"# vtk DataFile Version";
 
-/// Whether a beginning is that of polygonal data (`true`) or other data (`false`); `None` for other formats.
+/// Returns whether a legacy VTK file with these first bytes holds polygonal data (`true`) or other data (`false`);
+/// `None` if it is no legacy VTK file.
 pub(super) fn recognise(head: &[u8]) -> Option<bool> {
     let text = String::from_utf8_lossy(head).to_ascii_uppercase();
     // The fourth line names the kind of data.
@@ -24,7 +26,7 @@ pub(super) fn recognise(head: &[u8]) -> Option<bool> {
     head.starts_with(MAGIC).then(|| dataset.is_none_or(|kind| kind == "POLYDATA"))
 }
 
-/// Position in a file of text lines with numbers between them.
+/// Reading position in a legacy VTK file, where text lines alternate with arrays of numbers.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -32,7 +34,8 @@ struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// Next line that is not empty, with its first byte; an empty one at the end.
+    /// Reads the next non-empty line of a legacy VTK file and its byte offset; the line is empty at the end of the
+    /// file.
     fn line(&mut self) -> (usize, String) {
         loop {
             let (from, text) = self.any_line();
@@ -42,7 +45,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Next line, trimmed, with its first byte.
+    /// Reads the next line of a legacy VTK file, trimmed, and its byte offset.
     fn any_line(&mut self) -> (usize, String) {
         let from = self.at;
         let rest = &self.bytes[from..];
@@ -51,12 +54,12 @@ impl<'a> Cursor<'a> {
         (from, String::from_utf8_lossy(&rest[..length]).trim().to_owned())
     }
 
-    /// Skips lines up to an empty one.
+    /// Skips the lines of a VTK metadata section up to the next empty line.
     fn skip_metadata(&mut self) {
         while !self.any_line().1.is_empty() {}
     }
 
-    /// Reads `count` numbers. Memory is taken only if the file is long enough for them.
+    /// Reads `count` numbers of a legacy VTK file. It allocates memory only if the file is long enough for them.
     fn numbers(&mut self, count: u64, element: Element) -> Result<Vec<f64>> {
         let (from, left) = (self.at, self.bytes.len() - self.at);
         // A number in text has a digit and, but for the last one, a space behind it.
@@ -84,7 +87,7 @@ impl<'a> Cursor<'a> {
         Ok(numbers)
     }
 
-    /// Next word of text, empty at the end.
+    /// Reads the next word of a legacy VTK file; empty at the end of the file.
     fn word(&mut self) -> &'a str {
         let rest = &self.bytes[self.at..];
         let from = rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -94,7 +97,7 @@ impl<'a> Cursor<'a> {
         std::str::from_utf8(&word[..length]).unwrap_or_default()
     }
 
-    /// Reads the line and the numbers of an array of version 5.
+    /// Reads the heading line and the numbers of an `OFFSETS` or `CONNECTIVITY` array (VTK file version 5).
     fn named_array(&mut self, name: &str, count: u64) -> Result<Vec<f64>> {
         let (at, line) = self.line();
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -104,7 +107,7 @@ impl<'a> Cursor<'a> {
         self.numbers(count, element(&words, 1, at)?)
     }
 
-    /// Reads cells as the bounds of each and the numbers of all their points.
+    /// Reads the cells of a VTK file: the bounds of each cell in a list of point indices, and that list.
     fn cells(&mut self, at: usize, words: &[&str], has_offsets: bool) -> Result<[Vec<f64>; 2]> {
         let (cells, size) = (count(words, 0, at)?, count(words, 1, at)?);
         if has_offsets {
@@ -128,7 +131,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Skips `FIELD NAME COUNT` and its arrays of numbers.
+    /// Skips a `FIELD NAME COUNT` section of a legacy VTK file with its arrays of numbers.
     fn skip_fields(&mut self, at: usize, words: &[&str]) -> Result<()> {
         for _ in 0..count(words, 1, at)? {
             let (at, line) = self.line();
@@ -149,7 +152,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Parses the polylines of a file.
+/// Parses the polylines of a legacy VTK file.
 ///
 /// # Errors
 /// The file holds no polygonal data, is cut short, or a polyline names a missing point.
@@ -198,19 +201,20 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     }
 }
 
-/// Count among the words of a line.
+/// Parses the count at a given word of a legacy VTK file's line.
 fn count(words: &[&str], place: usize, at: usize) -> Result<u64> {
     let word = words.get(place).copied().unwrap_or_default();
     word.parse().map_err(|_| at_byte(at, format!("`{word}` is not how many there are")))
 }
 
-/// Element type among the words of a line.
+/// Parses the element type at a given word of a legacy VTK file's line.
 fn element(words: &[&str], place: usize, at: usize) -> Result<Element> {
     let word = words.get(place).copied().unwrap_or_default();
     legacy_vtk_element(word).ok_or_else(|| at_byte(at, format!("numbers of the kind `{word}` are not read")))
 }
 
-/// Appends polylines; each consists of the point numbers between two bounds, and a point of three coordinates.
+/// Appends VTK polylines to `lines`. Each polyline is the point indices between two bounds; each point has three
+/// coordinates.
 pub(super) fn polylines(
     coordinates: &[f64],
     bounds: &[f64],

@@ -1,10 +1,10 @@
-//! VTK XML files of polygonal data, `.vtp`: the `Lines` of every piece.
+//! Reader of the polylines of VTK XML PolyData files (`.vtp`): the `Lines` of every `Piece`.
 //!
-//! Arrays stand in the text, as numbers or in base64, or are appended, in base64 or raw; plain or compressed by zlib, VTK's
-//! default. Coordinates are treated as in `vtk.rs`.
+//! Arrays stand in the text, as numbers or in base64, or are appended, in base64 or raw; plain or compressed by zlib,
+//! VTK's default. Coordinates are treated as in `vtk.rs`.
 //!
-//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. The `vtkio` crate is not
-//! used for the reasons in `vtk.rs`; `roxmltree`, which plots need too, parses the XML.
+//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. The `vtkio`
+//! crate is not used for the reasons in `vtk.rs`; `roxmltree`, which plots need too, parses the XML.
 
 use super::input::{at_byte, in_file, in_line};
 use super::lines::Polylines;
@@ -17,18 +17,19 @@ use crate::volume::Element;
 use roxmltree::Node;
 use std::io::Read;
 
-/// Tag before data that are no XML.
+/// XML tag of a `.vtp` file that precedes the appended data, which are not XML.
 const APPENDED: &[u8] = b"<AppendedData";
 
-/// Limit on the numbers of all arrays of a file, which take 1 GiB.
+/// Largest total number of values in the arrays of a `.vtp` file; decoded they take 1 GiB.
 const MOST_NUMBERS: u64 = 1 << 27;
 
-/// Whether a beginning is that of polygonal data (`true`) or other VTK data (`false`); `None` for other files.
+/// Returns whether a file with these first bytes is VTK XML PolyData (`true`) or other VTK XML data (`false`); `None`
+/// for other files.
 pub(super) fn recognise(head: &[u8]) -> Option<bool> {
     kind_of(head).map(|kind| kind == "PolyData")
 }
 
-/// Parses the polylines of a file.
+/// Parses the polylines of a VTK XML PolyData file (`.vtp`).
 ///
 /// # Errors
 /// The file breaks its format, an array is cut short, or a polyline names a missing point.
@@ -56,10 +57,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     }
 }
 
-/// Data behind the mark of `AppendedData`, up to the end of the file, and whether they are raw.
+/// Appended data of a `.vtp` file from behind their mark `_` to the end of the file, and whether they are raw bytes
+/// (else base64).
 type Appended<'a> = (&'a [u8], bool);
 
-/// Splits a file into its text without the appended data, and those.
+/// Splits a `.vtp` file into its XML text and its appended data.
 fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>)> {
     let utf8 = |bytes: &[u8]| {
         let text = String::from_utf8(bytes.to_vec());
@@ -95,21 +97,21 @@ fn read_piece(piece: Node, arrays: &mut Arrays, lines: &mut Polylines) -> Result
     let coordinates = arrays.read(child("Points", None)?, Some(points.saturating_mul(3)))?;
     let mut bounds = arrays.read(child("Lines", Some("offsets"))?, Some(line_count))?;
     let numbers = arrays.read(child("Lines", Some("connectivity"))?, None)?;
-    // The file gives the ends of lines; the first one begins at 0.
+    // The file gives the end offset of each polyline; the first one begins at 0.
     bounds.insert(0, 0.0);
     polylines(&coordinates, &bounds, &numbers, lines)
 }
 
-/// Reader of the arrays of a file.
+/// Reader of the `DataArray` elements of a `.vtp` file.
 struct Arrays<'a> {
     coding: Coding,
     appended: Option<Appended<'a>>,
-    /// Numbers of the arrays so far.
+    /// Number of values of all `DataArray` elements read so far.
     read: u64,
 }
 
 impl Arrays<'_> {
-    /// Reads the numbers of an array, whose count may be known.
+    /// Reads the numbers of a `DataArray` of a `.vtp` file; `wanted` is their expected count, if known.
     fn read(&mut self, array: Node, wanted: Option<u64>) -> Result<Vec<f64>, String> {
         let name = array.attribute("Name").unwrap_or("Points");
         let values = self.numbers(array).map_err(|why| format!("array {name}: {why}"))?;

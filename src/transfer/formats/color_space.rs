@@ -1,4 +1,4 @@
-//! The colour spaces in which VTK and ParaView mix two sRGB colours.
+//! Colour interpolation in the colour spaces of VTK and ParaView: HSV, CIE L*a*b* and Msh.
 //!
 //! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white; Msh, polar L*a*b*, after Moreland (2009),
 //! *Diverging color maps for scientific visualization*, section 5.
@@ -9,10 +9,10 @@ use palette::white_point::D65;
 use palette::{Hsv, Lab};
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
-/// Encoded sRGB in `[0, 1]`.
+/// Gamma-encoded sRGB colour, channels in `[0, 1]`.
 type Srgb = [f64; 3];
 
-/// Mixes in HSV along the shorter arc of hues; `vtkColorTransferFunction`'s HSVWrap.
+/// Interpolates two colours in HSV along the shorter arc of hues, as `vtkColorTransferFunction` with HSVWrap.
 pub fn hsv_wrapped(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     let (a, mut b) = (hsv_from_rgb(a), hsv_from_rgb(b));
     if (b[0] - a[0]).abs() > 0.5 {
@@ -22,22 +22,23 @@ pub fn hsv_wrapped(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_hsv([h.rem_euclid(1.0), s, v])
 }
 
-/// Mixes linearly in HSV.
+/// Interpolates two colours linearly in HSV.
 pub fn hsv(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_hsv(linear(&hsv_from_rgb(a), &hsv_from_rgb(b), share))
 }
 
-/// Mixes linearly in L*a*b*.
+/// Interpolates two colours linearly in CIE L*a*b*.
 pub fn lab(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_lab(linear(&lab_from_rgb(a), &lab_from_rgb(b), share))
 }
 
-/// Returns the second colour: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
+/// Returns the second of two colours, as `vtkColorTransferFunction` in its Step mode: the colour of a node holds up
+/// to that node.
 pub fn step(_: &Srgb, b: &Srgb, _: f64) -> Srgb {
     *b
 }
 
-/// Mixes as Moreland's diverging maps do: through white where both colours are saturated and of different hue.
+/// Interpolates two colours as Moreland's diverging maps: through white if both are saturated and of different hue.
 pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     // Saturation from which on a colour is not grey, and angle from which on two hues differ.
     const SATURATED: f64 = 0.05;
@@ -59,8 +60,8 @@ pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     } else if b[1] < SATURATED && a[1] > SATURATED {
         b[2] = spun_hue(a, b[0]);
     }
-    // The hue of a dark colour is spun by more than half a turn. VTK then takes the shorter angle, always upwards. Towards a
-    // grey the direction does not matter; where it would miss the second colour, the sign is changed.
+    // The hue of a dark colour is spun by more than half a turn. VTK then takes the shorter angle, always upwards.
+    // Towards a grey the direction does not matter; where it would miss the second colour, the sign is changed.
     let turn = b[2] - a[2];
     if turn.abs() > PI {
         let angle = angle_between(a[2], b[2]);
@@ -71,13 +72,14 @@ pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_lab(lab_from_msh(linear(&a, &b, share)))
 }
 
-/// Angle between two directions, 0 to half a turn.
+/// Angle between two directions in the plane, 0 to pi.
 fn angle_between(a: f64, b: f64) -> f64 {
     let angle = (a - b).abs() % TAU;
     angle.min(TAU - angle)
 }
 
-/// Hue of a grey of magnitude `m` beside a saturated colour, which makes the transition look even.
+/// Hue given to a grey of Msh magnitude `m` next to a saturated colour, so that the transition looks even (Moreland
+/// 2009).
 fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     if m_saturated >= m - 0.1 {
         return h;
@@ -121,7 +123,7 @@ fn lab_from_msh([m, s, h]: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// The expected colours are those of VTK 9.7's `vtkColorTransferFunction`.
+    /// Interpolated colours agree with those of VTK 9.7's `vtkColorTransferFunction`.
     #[test]
     fn mixtures_are_those_of_vtk() {
         let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);

@@ -1,84 +1,87 @@
-//! Curves of other programs: nodes by value, and an interpolation that may be bent.
+//! Opacity and colour curves of other programs: nodes by scalar value, with VTK's midpoint and sharpness.
 
-/// Side from which a value is approached; the two differ at a jump.
+/// Side from which a curve is evaluated at a value; the two limits differ at a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LimitSide {
-    /// Limit from below the value.
+    /// Limit of the curve from below the value.
     Below,
-    /// The value itself, and just above.
+    /// Curve at the value itself, and just above it.
     From,
 }
 
-/// Node of a curve with the shape of the segment behind it.
+/// Node of an opacity or colour curve, with the shape of the segment that follows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurveNode<const N: usize> {
-    /// Scalar value.
+    /// Scalar value of the volume at which the curve node lies.
     pub value: f64,
-    /// Amounts of the curve there.
+    /// Opacity or colour channels of the curve at this node.
     pub amounts: [f64; N],
-    /// Share of the segment at which the curve is halfway between both nodes, in `(0, 1)`; VTK's midpoint.
+    /// Position within the segment at which the curve is halfway between its two nodes, in `(0, 1)`; VTK's midpoint.
     pub midpoint: f64,
-    /// 0: straight to the next node, 1: one step at the midpoint; VTK's sharpness.
+    /// Shape of the segment after the node: 0 is a straight line, 1 a step at the midpoint; VTK's sharpness.
     pub sharpness: f64,
 }
 
 impl<const N: usize> CurveNode<N> {
-    /// Node with a straight segment behind it.
+    /// Creates a curve node that is followed by a straight segment.
     pub fn straight(value: f64, amounts: [f64; N]) -> Self {
         Self { value, amounts, midpoint: 0.5, sharpness: 0.0 }
     }
 }
 
-/// Mixture of the amounts of two nodes by the share of the second.
+/// Function that interpolates the opacity or colours of two curve nodes; its last argument is the weight of the
+/// second node.
 pub type Mix<const N: usize> = fn(&[f64; N], &[f64; N], f64) -> [f64; N];
 
-/// Interpolation between nodes.
+/// Interpolation between the nodes of an opacity or colour curve.
 #[derive(Debug, Clone, Copy)]
 pub struct Interpolation<const N: usize> {
-    /// Mixture of two nodes.
+    /// Function that interpolates the opacity or colours of two curve nodes.
     pub mix: Mix<N>,
-    /// Whether shares are taken in the logarithm of the value, provided that all values are above 0.
+    /// Whether interpolation weights are linear in the logarithm of the scalar value. All values must be above 0 for
+    /// that.
     pub is_logarithmic: bool,
-    /// Whether the sharpest segments are steps, as VTK treats colours; otherwise they are steep curves.
+    /// Whether the sharpest segments are steps, as VTK treats colours. Otherwise they are steep curves.
     pub has_steps: bool,
 }
 
 impl<const N: usize> Interpolation<N> {
-    /// Linear in the value and the amounts.
+    /// Interpolation that is linear in the scalar value and in opacity or colour.
     pub const LINEAR: Self = Self { mix: linear, is_logarithmic: false, has_steps: false };
 }
 
-/// Curve through nodes, constant beyond the first and the last.
+/// Opacity or colour curve through nodes, constant before the first and after the last node.
 #[derive(Debug, Clone)]
 pub struct NodeCurve<const N: usize> {
     nodes: Vec<CurveNode<N>>,
     mix: Mix<N>,
     is_logarithmic: bool,
-    /// Number of nodes that were skipped because there were more than two of one value.
+    /// Number of curve nodes that were skipped because more than two have the same scalar value.
     pub skipped: usize,
 }
 
-/// Limit on the nodes of a curve; no program's editor makes more.
+/// Largest number of nodes of an imported curve; no program's editor makes more.
 pub const MOST_NODES: usize = 1 << 14;
-/// Largest value that 32-bit arithmetic can handle.
+/// Largest scalar value of a curve that 32-bit arithmetic can handle.
 pub const MOST_VALUE: f64 = 1e30;
-/// Values count as one if they are nearer than this share of the range. VTK requires distinct values, and programs that build
-/// on it write jumps as two values which differ by at most a last digit of 32 bits.
+/// Two values of a curve count as equal if their distance is below this fraction of the curve's range. VTK requires
+/// distinct values, so programs write jumps as two values that differ by about one 32-bit rounding step.
 const ONE_VALUE: f64 = 1e-7;
-/// VTK's limits of a midpoint.
+/// VTK's limits on the midpoint of a curve segment.
 const MIDPOINTS: [f64; 2] = [1e-5, 1.0 - 1e-5];
-/// Sharpness from which on VTK takes a segment as a step.
+/// Sharpness above which VTK treats a curve segment as a step.
 const STEP_FROM: f64 = 0.99;
-/// Sharpness below which VTK takes a segment as straight.
+/// Sharpness below which VTK treats a curve segment as straight.
 const STRAIGHT_BELOW: f64 = 0.01;
 
-/// Linear mixture.
+/// Interpolates opacities or colours linearly; `share` is the weight of the second.
 pub fn linear<const N: usize>(a: &[f64; N], b: &[f64; N], share: f64) -> [f64; N] {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)
 }
 
 impl<const N: usize> NodeCurve<N> {
-    /// Sorts nodes; several that count as one value become a jump from the first of them to the last.
+    /// Builds a curve from its nodes, sorted by value. Nodes whose values count as equal become a jump from the first
+    /// to the last of them.
     ///
     /// # Errors
     /// There are no nodes or too many, or a number is not finite or too large.
@@ -129,23 +132,23 @@ impl<const N: usize> NodeCurve<N> {
         Ok(curve)
     }
 
-    /// Linear curve through points of non-decreasing value, unchanged.
+    /// Creates a piecewise-linear curve through points of non-decreasing value.
     pub fn through(points: impl Iterator<Item = (f64, [f64; N])>) -> Self {
         let nodes = points.map(|(value, amounts)| CurveNode::straight(value, amounts)).collect();
         Self { nodes, mix: linear, is_logarithmic: false, skipped: 0 }
     }
 
-    /// Values of the nodes.
+    /// Scalar values of the curve's nodes.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         self.nodes.iter().map(|n| n.value)
     }
 
-    /// Whether some segment is bent.
+    /// Whether any segment of the curve is not straight.
     pub fn is_bent(&self) -> bool {
         self.nodes.iter().any(|n| n.sharpness >= STRAIGHT_BELOW || n.midpoint != 0.5)
     }
 
-    /// Amounts at a value.
+    /// Evaluates the opacity or colour of the curve at a scalar value.
     pub fn at(&self, value: f64, side: LimitSide) -> [f64; N] {
         let after = match side {
             LimitSide::Below => self.nodes.partition_point(|n| n.value < value),
@@ -166,16 +169,17 @@ impl<const N: usize> NodeCurve<N> {
         if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Inverse of [`Self::share`].
+    /// Returns the scalar value at a given interpolation weight between two nodes; the inverse of [`Self::share`].
     fn value_between(&self, a: f64, b: f64, share: f64) -> f64 {
         if self.is_logarithmic { a * (b / a).powf(share) } else { a + (b - a) * share }
     }
 }
 
-/// Share of the second node after bending by the first one's midpoint and sharpness.
+/// Interpolation weight of a segment's second node after the midpoint and sharpness of the first one are applied.
 ///
-/// VTK's `vtkAbstractPiecewiseFunction` documents a piecewise Hermite curve. Its tangents are `1 - sharpness` of the straight
-/// line's. Before that the share is moved so that the midpoint lies halfway, then drawn towards it by a power.
+/// VTK's `vtkAbstractPiecewiseFunction` documents a piecewise Hermite curve. Its tangents are `1 - sharpness` of the
+/// straight line's. Before that the share is moved so that the midpoint lies halfway, then drawn towards it by a
+/// power.
 fn bent<const N: usize>(share: f64, node: &CurveNode<N>) -> f64 {
     let (m, sharpness) = (node.midpoint, node.sharpness);
     let mut s = if share < m { 0.5 * share / m } else { 0.5 + 0.5 * (share - m) / (1.0 - m) };
@@ -203,7 +207,7 @@ mod tests {
         NodeCurve::new(nodes.iter().map(node).collect(), &Interpolation::LINEAR).unwrap()
     }
 
-    /// The expected numbers are those of VTK 9.7's `vtkPiecewiseFunction`.
+    /// Segments of opacity curves agree with those of VTK 9.7's `vtkPiecewiseFunction`.
     #[test]
     fn segments_are_bent_like_those_of_vtk() {
         let curve = curve(&[

@@ -1,54 +1,58 @@
-//! Conversion of another program's opacities and colours to a [`TransferFunction`], with warnings about what is lost.
+//! Converts the opacities and colours of another program's file to a [`TransferFunction`], with warnings about
+//! losses.
 
 use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve};
 use super::sampling::Sampled;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
-/// Transfer function that was read from a file.
+/// Transfer function read from a file, with the warnings of its import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
-    /// The function.
+    /// Transfer function that was read.
     pub tf: TransferFunction,
-    /// One line each about what was skipped, approximated or assumed.
+    /// Warnings about what the import skipped, approximated or assumed, one line each.
     pub warnings: Vec<String>,
-    /// Name of the format, as in [`super::TRANSFER_FORMATS`].
+    /// Name of the file format of the imported transfer function, as in [`super::TRANSFER_FORMATS`].
     pub format: &'static str,
 }
 
-/// Transfer function of another program before its conversion.
+/// Transfer function of another program before conversion.
 #[derive(Debug)]
 pub struct Foreign {
-    /// Name of the format.
+    /// Name of the other program's file format.
     pub format: &'static str,
-    /// Name of the function.
+    /// Name of the transfer function in its file.
     pub name: String,
-    /// Whether values are fractions of a volume's range.
+    /// Whether the transfer function's scalar values are fractions of a volume's value range.
     pub has_fractions: bool,
-    /// Opacities per `reference_length_mm`.
+    /// Opacity curve of the transfer function, per `reference_length_mm`.
     pub opacity: Vec<CurveNode<1>>,
-    /// Encoded sRGB in `[0, 1]`.
+    /// Colour curve of the transfer function, gamma-encoded sRGB in `[0, 1]`.
     pub color: Vec<CurveNode<3>>,
-    /// Interpolation of the colours.
+    /// Interpolation between the colours of the transfer function.
     pub color_interpolation: Interpolation<3>,
-    /// Length to which opacities refer, mm; `None` where the file does not give it.
+    /// Length to which the transfer function's opacities refer, mm; `None` if the file does not give it.
     pub reference_length_mm: Option<f64>,
-    /// Warnings so far.
+    /// Warnings of the import so far.
     pub warnings: Vec<String>,
 }
 
-/// Units of a function whose values are fractions of a volume's range.
+/// Name of the units of a transfer function whose values are fractions of a volume's value range.
 pub const FRACTION: &str = "fraction";
 
-/// Limit on the points of a function that is read: what devices hold, with room for edits.
+/// Largest number of points of an imported transfer function; devices support a few more, which leaves room for
+/// edits.
 const MOST_POINTS: usize = 1000;
-/// Tolerance of the opacity between two points.
+/// Largest error of the opacity between two points of an imported transfer function.
 const OPACITY_TOLERANCE: f64 = 2e-4;
-/// Tolerance of a colour between two points, encoded sRGB: half a step of 8 bits. Rounding to 8 bits adds as much.
+/// Largest error of a colour channel between two points of an imported transfer function: half an 8-bit step of
+/// encoded sRGB. Rounding to 8 bits adds as much.
 const COLOR_TOLERANCE: f64 = 0.5 / 255.0;
 
 impl Foreign {
-    /// Function of these opacities and colours with linear interpolation; the file gives nothing else.
+    /// Creates a transfer function for import from opacity and colour curves with linear interpolation. All other
+    /// properties are unknown.
     pub fn new(format: &'static str, opacity: Vec<CurveNode<1>>, color: Vec<CurveNode<3>>) -> Self {
         Self {
             format,
@@ -62,15 +66,16 @@ impl Foreign {
         }
     }
 
-    /// Function of straight pieces through points of a value, red, green, blue and opacity.
+    /// Creates a piecewise-linear transfer function for import through points of value, red, green, blue and opacity.
     pub fn through(format: &'static str, points: &[[f64; 5]]) -> Self {
         let opacity = points.iter().map(|[v, _, _, _, o]| CurveNode::straight(*v, [*o])).collect();
         let color = points.iter().map(|[v, r, g, b, _]| CurveNode::straight(*v, [*r, *g, *b])).collect();
         Self::new(format, opacity, color)
     }
 
-    /// Converts the function. Bent opacities are sampled; colours get points, so that their interpolation in linear light
-    /// stays as close to the original as 8 bits can show.
+    /// Converts another program's transfer function to a [`TransferFunction`]. Curved opacities are sampled. Colours
+    /// get additional points, so that interpolation in linear light differs from the original by less than an 8-bit
+    /// step.
     ///
     /// # Errors
     /// The curves are invalid, or break a rule of transfer functions.
@@ -135,7 +140,7 @@ impl Foreign {
 const ASSUMED_LENGTH: &str =
     "the file does not say over what length its opacities are: 1 mm is assumed (--opacity-scale changes it)";
 
-/// Curve of nodes whose amounts are clamped to `[0, 1]`.
+/// Builds an opacity or colour curve, and clamps its opacities or colours to `[0, 1]` with a warning.
 ///
 /// # Errors
 /// The nodes are invalid.
@@ -165,7 +170,7 @@ pub fn curve_in_range<const N: usize>(
     Ok(curve)
 }
 
-/// Interpolates encoded colours in linear light and opacities linearly, as [`TransferFunction`] does.
+/// Interpolates two points as [`TransferFunction`] does: colours in linear light, opacities linearly.
 fn in_linear_light(a: &[f64; 4], b: &[f64; 4], share: f64) -> [f64; 4] {
     let mixed = |i: usize| {
         let [a, b] = [a[i], b[i]].map(linear_from_srgb);

@@ -1,20 +1,21 @@
-//! Inviwo's transfer functions, `.itf`: XML with points of a position and a colour `rgba`, positions 0 to 1 over the data's
-//! range (`type` 0, relative) or values themselves (1, absolute), and a mask outside of which the volume is invisible.
+//! Reader of Inviwo's transfer functions (`.itf`). The XML holds points with a position and a colour `rgba`, and a
+//! mask outside of which the volume is invisible. Positions are 0 to 1 over the data's range (`type` 0, relative) or
+//! values (1, absolute).
 
 use super::curve::{CurveNode, Interpolation, LimitSide, MOST_NODES, MOST_VALUE, NodeCurve};
 use super::import::{Foreign, Imported, curve_in_range};
 use crate::files::xml;
 use roxmltree::Node as Element;
 
-/// Limit on the elements of a file; a point has about seven.
+/// Largest number of XML elements of an `.itf` file; a point has about seven.
 const MOST_ELEMENTS: u32 = 8 * MOST_NODES as u32;
 
-/// Whether a text is XML.
+/// Whether the text of a file is XML, as of Inviwo's `.itf`.
 pub fn is_one(text: &str) -> bool {
     text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
 }
 
-/// Reads a transfer function.
+/// Reads a transfer function from the text of an Inviwo `.itf` file.
 ///
 /// # Errors
 /// The text is no XML, has a document type (entities are not expanded), or no points.
@@ -51,7 +52,7 @@ pub fn read(text: &str) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Position, red, green, blue and opacity.
+/// Reads position, red, green, blue and opacity of a point in an `.itf` file.
 fn point(element: Element<'_, '_>) -> Result<[f64; 5], String> {
     let child = |name: &str| {
         element.children().find(|e| e.has_tag_name(name)).ok_or_else(|| format!("a point has no `{name}`"))
@@ -66,12 +67,12 @@ fn number(element: &Element<'_, '_>, attribute: &str) -> Option<f64> {
     element.attribute(attribute)?.trim().parse().ok()
 }
 
-/// Nodes of opacities that are 0 below `min` and from `max` on.
+/// Returns the nodes of an opacity curve that is set to 0 below `min` and from `max` on (Inviwo's mask).
 fn masked(opacity: &NodeCurve<1>, min: Option<f64>, max: Option<f64>) -> Vec<CurveNode<1>> {
     let first = opacity.values().fold(0.0, f64::min);
     let last = opacity.values().fold(1.0, f64::max);
-    // The mask of an absolute function without one covers all numbers. A mask over all points only affects values
-    // beyond them, and is ignored.
+    // Without a mask, an absolute function has one that covers all numbers. A mask over all points affects only
+    // values beyond them, and is ignored.
     let min = min.filter(|m| m.abs() < MOST_VALUE && *m > first);
     let max = max.filter(|m| m.abs() < MOST_VALUE && *m < last);
     if min.zip(max).is_some_and(|(min, max)| min >= max) {

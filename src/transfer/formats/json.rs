@@ -1,11 +1,11 @@
-//! Numbers of JSON objects, with errors that name the key.
+//! Reads numbers from JSON objects of transfer-function files, with errors that name the key.
 
 use serde_json::{Map, Value};
 
-/// JSON object.
+/// JSON object of a transfer-function file.
 pub type Object = Map<String, Value>;
 
-/// Numbers of a key, if it is present.
+/// Returns the array of numbers at a key of a JSON object; `None` if the key is missing.
 ///
 /// # Errors
 /// The value is no array of numbers.
@@ -15,7 +15,7 @@ pub fn list(object: &Object, key: &str) -> Result<Option<Vec<f64>>, String> {
     numbers.flatten().map(Some).ok_or_else(|| format!("`{key}` is not an array of numbers"))
 }
 
-/// Number of a key, if it is present.
+/// Returns the number at a key of a JSON object; `None` if the key is missing.
 ///
 /// # Errors
 /// The value is no number.
@@ -24,7 +24,7 @@ pub fn number(object: &Object, key: &str) -> Result<Option<f64>, String> {
     value.as_f64().map(Some).ok_or_else(|| format!("`{key}` is not a number"))
 }
 
-/// Groups of `N` numbers.
+/// Splits a list of numbers into groups of `N`.
 ///
 /// # Errors
 /// Their count is no multiple of `N`.
@@ -36,12 +36,12 @@ pub fn groups<const N: usize>(numbers: &[f64], key: &str) -> Result<Vec<[f64; N]
     }
 }
 
-/// Whether a key is present and true, as a boolean or a number.
+/// Whether a key of a JSON object is present and true, as a boolean or a number.
 pub fn is_set(object: &Object, key: &str) -> bool {
     object.get(key).is_some_and(|v| v.as_bool().unwrap_or_else(|| v.as_f64().is_some_and(|x| x != 0.0)))
 }
 
-/// Length in mm of a key, if it is present.
+/// Returns the length in mm at a key of a JSON object; `None` if the key is missing.
 ///
 /// # Errors
 /// The length is not above 0.

@@ -1,4 +1,5 @@
-//! Readers and writers of other programs' transfer functions. A format is one file here and one entry of [`TRANSFER_FORMATS`].
+//! Readers and writers of other programs' transfer-function files. A format is one file here and one entry of
+//! [`TRANSFER_FORMATS`].
 //!
 //! The content of a file decides its format; the name decides where the content does not. Features that a
 //! [`TransferFunction`] lacks are approximated where the error can be stated, else skipped; each causes a warning.
@@ -27,7 +28,7 @@ use crate::files::input::read_text;
 use serde_json::Value;
 use std::path::Path;
 
-/// Text of a file, and its JSON value.
+/// Text of a transfer-function file, and its JSON value if it is JSON.
 struct FormatInput<'a> {
     text: &'a str,
     json: Option<Value>,
@@ -43,28 +44,28 @@ impl FormatInput<'_> {
     }
 }
 
-/// Writer of the text of a file.
+/// Function that writes a transfer function as the text of one file format.
 pub type Write = fn(&TransferFunction) -> Result<Written, String>;
 
 /// File format of transfer functions.
 #[derive(Debug)]
 pub struct TransferFormat {
-    /// Name for `tf convert --to` and reports.
+    /// Name of the transfer-function format for `tf convert --to` and reports.
     pub name: &'static str,
-    /// Description in one line.
+    /// Description of the transfer-function format in one line.
     pub about: &'static str,
-    /// File-name ending.
+    /// File-name extension of the transfer-function format, without the first dot.
     pub ending: &'static str,
     recognise: fn(&FormatInput<'_>) -> bool,
     read: fn(&FormatInput<'_>) -> Result<Imported, String>,
-    /// Writer, if the format can be written.
+    /// Writer of the transfer-function format; `None` if it can only be read.
     pub write: Option<Write>,
 }
 
-/// Largest text that is read: its JSON takes far more memory than its text.
+/// Largest transfer-function text that is read, bytes. Its JSON value takes far more memory than the text.
 const MOST_BYTES: usize = 16 << 20;
 
-/// All formats; the first that recognises a text reads it.
+/// List of all transfer-function file formats. The first one that recognises a text reads it.
 pub const TRANSFER_FORMATS: &[TransferFormat] = &[
     TransferFormat {
         name: "paraview",
@@ -121,7 +122,7 @@ pub const TRANSFER_FORMATS: &[TransferFormat] = &[
 
 const OWN: &str = "umbravox";
 
-/// Last parts of the file-name endings of all formats, for file dialogs.
+/// File extensions of all transfer-function formats for file dialogs; of `.vp.json` only `json`.
 pub fn endings() -> Vec<&'static str> {
     let mut all: Vec<&str> =
         TRANSFER_FORMATS.iter().map(|f| f.ending.rsplit('.').next().unwrap_or(f.ending)).collect();
@@ -130,12 +131,12 @@ pub fn endings() -> Vec<&'static str> {
     all
 }
 
-/// Whether a file name has the ending of one of the formats.
+/// Whether a file name has the extension of a transfer-function format.
 pub fn has_ending(path: &Path) -> bool {
     path.extension().is_some_and(|e| endings().iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Reads a text; `file_name` decides the format where the content does not.
+/// Reads a transfer function from the text of a file. `file_name` decides the format if the content does not.
 ///
 /// # Errors
 /// The text breaks the format that it seems to have; the reason is one line.
@@ -157,7 +158,7 @@ pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
     })
 }
 
-/// Reads a file of any format.
+/// Reads a transfer-function file of any known format.
 ///
 /// # Errors
 /// The file cannot be read, or is no transfer function.

@@ -1,19 +1,20 @@
-//! Colour maps of MRIcroGL and NiiVue, `.json`: arrays `R`, `G`, `B`, `A` of 0 to 255 at the places `I`, 0 to 255. The places
-//! cover `min` to `max` where the file gives them, else the displayed range (<https://niivue.com/docs/colormaps2>).
+//! Reader of the colour maps of MRIcroGL and NiiVue (`.json`): arrays `R`, `G`, `B`, `A` of 0 to 255 at the positions
+//! `I` from 0 to 255. The positions cover `min` to `max` if the file gives them, else the displayed range
+//! (<https://niivue.com/docs/colormaps2>).
 
 use super::import::{Foreign, Imported};
 use super::json;
 use serde_json::Value;
 
-/// Last place, and largest amount.
+/// Largest position, and largest colour or opacity, in a NiiVue colour map.
 const TOP: f64 = 255.0;
 
-/// Whether a JSON value is a colour map.
+/// Whether a JSON value is a colour map of MRIcroGL or NiiVue.
 pub fn is_one(value: &Value) -> bool {
     ["R", "G", "B"].iter().all(|key| value.get(*key).is_some())
 }
 
-/// Reads a colour map.
+/// Reads a colour map of MRIcroGL or NiiVue as a transfer function.
 ///
 /// # Errors
 /// The map is of labels, its arrays differ in length, or its range is empty.

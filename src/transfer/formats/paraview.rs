@@ -1,5 +1,6 @@
-//! ParaView's colour maps, `.json`: a list of objects with `Name`, `ColorSpace`, `RGBPoints` (value, red, green, blue) and
-//! `Points` (value, opacity, midpoint, sharpness), which its colour map editor exports and imports.
+//! Reader of ParaView's colour maps (`.json`), which its colour map editor exports and imports. They are a list of
+//! objects with `Name`, `ColorSpace`, `RGBPoints` (value, red, green, blue) and `Points` (value, opacity, midpoint,
+//! sharpness).
 
 use super::color_space;
 use super::curve::{CurveNode, Interpolation, Mix, linear};
@@ -7,20 +8,20 @@ use super::import::{Foreign, Imported};
 use super::json::{self, Object};
 use serde_json::Value;
 
-/// Keys that identify the format.
+/// JSON keys that identify a ParaView colour map.
 const KEYS: [&str; 3] = ["RGBPoints", "Points", "IndexedColors"];
 
-/// Whether a JSON value is a colour map, or a list of some.
+/// Whether a JSON value is a ParaView colour map, or a list of them.
 pub fn is_one(value: &Value) -> bool {
     object_of(value).is_some_and(|map| KEYS.iter().any(|key| map.contains_key(*key)))
 }
 
-/// First colour map.
+/// First ParaView colour map of a JSON value.
 fn object_of(value: &Value) -> Option<&Object> {
     value.as_array().map_or(Some(value), |all| all.first()).and_then(Value::as_object)
 }
 
-/// Reads the first colour map.
+/// Reads the first ParaView colour map of a JSON value as a transfer function.
 ///
 /// # Errors
 /// There is no map, or a number in it is missing or out of range.
@@ -41,7 +42,8 @@ pub fn read(value: &Value) -> Result<Imported, String> {
     }
     let values = || rgb.iter().chain(&points).map(|p| p[0]);
     let range = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
-    // ParaView lays a map over the data when it is applied; its own are over 0 to 1, some over -1 to 1.
+    // ParaView maps a colour map to the data's range when it is applied; its own maps are over 0 to 1, some over -1
+    // to 1.
     let has_fractions = range == [0.0, 1.0] || range == [-1.0, 1.0];
     let onto = |v: f64| if has_fractions { (v - range[0]) / (range[1] - range[0]) } else { v };
     let mut color: Vec<CurveNode<3>> =
@@ -79,7 +81,7 @@ pub fn read(value: &Value) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Interpolation of colours, with a warning where it is approximated.
+/// Returns the function that interpolates colours of a ParaView colour map. A warning says if they are sampled.
 fn color_mix(map: &Object, warnings: &mut Vec<String>) -> Mix<3> {
     let wrapped = !map.contains_key("HSVWrap") || json::is_set(map, "HSVWrap");
     let space = map.get("ColorSpace").and_then(Value::as_str).unwrap_or("RGB");

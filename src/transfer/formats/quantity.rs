@@ -1,23 +1,26 @@
-//! Conversion of a transfer function to the quantity and reference length of another.
+//! Converts a transfer function between opacity and extinction, or to another reference length.
 
 use super::curve::{LimitSide, NodeCurve, linear};
 use super::sampling::{SamplePoint, Sampled};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
-/// Tolerance of the extinction between two points: relative, and absolute near 0.
+/// Largest error of the extinction between two points of a converted transfer function: relative, and absolute near
+/// 0.
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
-/// Limit on the points of one function: several share the intervals that a device holds.
+/// Largest number of points of a converted transfer function. Functions of several labels share the intervals on the
+/// device.
 const MOST_POINTS: usize = 250;
 
-/// Whether both give the same quantity over the same length, so that one set of tables can hold them.
+/// Whether two transfer functions store the same quantity (opacity or extinction) for the same reference length. Only
+/// then can one set of device tables store both.
 pub fn have_same_quantity(a: &TransferFunction, b: &TransferFunction) -> bool {
     let same_length = a.quantity == Quantity::Extinction || a.reference_length_mm == b.reference_length_mm;
     a.quantity == b.quantity && same_length
 }
 
-/// Samples the amounts of `tf` in the quantity and over the length of `like` with at most `most` points; `error` compares two
-/// amounts in units of the tolerance. Returns the largest error too.
+/// Samples the transfer function `tf` in the quantity (opacity or extinction) and reference length of `like`, with at
+/// most `most` points. `error` compares two amounts, in units of the tolerance. The largest error is returned, too.
 pub fn sample_amounts(
     tf: &TransferFunction,
     like: &TransferFunction,
@@ -38,14 +41,15 @@ pub fn sample_amounts(
     Sampled { breaks: tf.point_values(), at: &at, between: linear, error }.points(most)
 }
 
-/// Converts `tf` to the quantity and reference length of `like`. Straight parts become curves, which are sampled to a
-/// thousandth of the extinction. Returns the largest relative error too.
+/// Converts the transfer function `tf` to the quantity (opacity or extinction) and reference length of `like`.
+/// Straight segments become curves, which are sampled with a tolerance of a thousandth of the extinction. The largest
+/// relative error is returned, too.
 pub fn with_quantity_of(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
     if have_same_quantity(tf, like) {
         return (tf.clone(), 0.0);
     }
     let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
-    // Compared as extinction: near opacity 1 a small change of opacity is a large one of extinction.
+    // Errors are compared as extinction: near opacity 1 a small change of opacity is a large one of extinction.
     let error = |want: &[f64; 1], got: &[f64; 1]| {
         let [want, got] = [want, got].map(|amount| like.extinction_of_amount(amount[0]));
         (want - got).abs() / (LEAST + SHARE * want)

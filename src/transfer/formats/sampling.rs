@@ -1,31 +1,33 @@
-//! Adaptive sampling of a function by points, to a tolerance.
+//! Adaptive sampling of an opacity or colour function by points, within a tolerance.
 
 use super::curve::LimitSide;
 
-/// Value, and the function there.
+/// Sample of an opacity or colour function: the scalar value, and the function there.
 pub type SamplePoint<const N: usize> = (f64, [f64; N]);
 
-/// Function with the interpolation and the error measure of its samples.
+/// Opacity or colour function to be sampled, with the interpolation between samples and the error measure.
 pub struct Sampled<'a, const N: usize> {
-    /// Values at which the function may bend or jump: ascending, distinct, at least one.
+    /// Scalar values at which the function may bend or jump: ascending, distinct, at least one.
     pub breaks: Vec<f64>,
-    /// Function that is sampled.
+    /// Opacity or colour function to be sampled.
     pub at: &'a dyn Fn(f64, LimitSide) -> [f64; N],
-    /// Interpolation between two points by the share of the second.
+    /// Function that interpolates between two samples of an opacity or colour function; its last argument is the
+    /// weight of the second sample.
     pub between: fn(&[f64; N], &[f64; N], f64) -> [f64; N],
-    /// Error of the second value against the first in units of the tolerance.
+    /// Error of an interpolated amount (second argument) against the exact one (first), in units of the tolerance.
     pub error: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
 }
 
-/// Limit on the bisections of a segment between two breaks.
+/// Largest number of successive bisections of a segment between two breaks of the sampled function.
 const MOST_HALVINGS: u32 = 12;
-/// Limit on all points, which bounds the memory that a file can claim.
+/// Largest number of all samples of a function, which bounds the memory that a file can claim.
 const MOST_POINTS: usize = 1 << 17;
-/// Number of intervals between two points at whose ends the error is evaluated.
+/// Number of equal parts of a segment between two samples; the error is evaluated at the points between them.
 const PROBES: u32 = 8;
 
 impl<const N: usize> Sampled<'_, N> {
-    /// Samples the function with at most `most` points (at least 2). Returns the largest error in tolerances too.
+    /// Samples the opacity or colour function with at most `most` points (at least 2). The largest error in units of
+    /// the tolerance is returned, too.
     pub fn points(&self, most: usize) -> (Vec<SamplePoint<N>>, f64) {
         let all = self.within_tolerance();
         let mut points = all.clone();
@@ -34,7 +36,7 @@ impl<const N: usize> Sampled<'_, N> {
             points = self.thinned(&all, allowed);
             allowed *= 2.0;
         }
-        // Only a step at every point resists thinning.
+        // Only a function with a step at every point cannot be thinned enough.
         points.truncate(most.max(2));
         let worst = self.worst(&points);
         (points, worst)
@@ -62,7 +64,7 @@ impl<const N: usize> Sampled<'_, N> {
         points
     }
 
-    /// Bisects a segment until its error is within the tolerance.
+    /// Bisects a segment of the sampled function until its error is within the tolerance.
     fn bisect(&self, a: SamplePoint<N>, b: SamplePoint<N>, left: u32, points: &mut Vec<SamplePoint<N>>) {
         let middle = 0.5 * (a.0 + b.0);
         if left == 0 || middle <= a.0 || middle >= b.0 || self.worst_between(&a, &b) <= 1.0 {
@@ -83,7 +85,7 @@ impl<const N: usize> Sampled<'_, N> {
         (1..PROBES).map(error).fold(0.0, f64::max)
     }
 
-    /// Largest error in tolerances.
+    /// Largest error of the samples' interpolation against the function, in units of the tolerance.
     pub fn worst(&self, points: &[SamplePoint<N>]) -> f64 {
         let segments = points.windows(2).filter(|w| w[1].0 > w[0].0);
         let within = segments.map(|w| self.worst_between(&w[0], &w[1]));
@@ -105,8 +107,8 @@ impl<const N: usize> Sampled<'_, N> {
         within.chain(at_breaks).fold(0.0, f64::max)
     }
 
-    /// Removes points that the interpolation of their neighbours reproduces within `allowed` tolerances. Segments are as long as
-    /// possible.
+    /// Removes samples that the interpolation of their neighbours reproduces within `allowed` tolerances. Segments
+    /// become as long as possible.
     fn thinned(&self, all: &[SamplePoint<N>], allowed: f64) -> Vec<SamplePoint<N>> {
         let good = |from: usize, to: usize| {
             let (a, b) = (&all[from], &all[to]);

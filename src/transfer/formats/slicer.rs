@@ -1,20 +1,21 @@
-//! 3D Slicer's volume properties: `.vp`, nine lines of text (its developer guide, *Volume rendering*, names them), and
-//! `.vp.json`, which also gives the length to which opacities refer.
+//! Reader of 3D Slicer's volume properties: `.vp`, nine lines of text (its developer guide, *Volume rendering*, names
+//! them), and `.vp.json`, which also gives the length to which opacities refer.
 //!
-//! The lines of a `.vp`: interpolation, shading, diffuse, ambient, specular, specular power, then scalar opacity, gradient
-//! opacity and colour. Each of the last three is a count of numbers and the numbers: value and opacity, or value and red, green, blue.
+//! The lines of a `.vp`: interpolation, shading, diffuse, ambient, specular, specular power, then scalar opacity,
+//! gradient opacity and colour. Each of the last three is a count of numbers and the numbers: value and opacity, or
+//! value and red, green, blue.
 
 use super::curve::{CurveNode, Interpolation};
 use super::import::{Foreign, Imported};
 use super::json::{self, Object};
 use serde_json::Value;
 
-/// Whether a JSON value is a volume property.
+/// Whether a JSON value is a volume property of 3D Slicer.
 pub fn is_json(value: &Value) -> bool {
     value.get("volumeProperties").is_some()
 }
 
-/// Whether a text is a `.vp`: its first lines are numbers.
+/// Whether a text is a 3D Slicer `.vp` file: its first seven lines begin with numbers.
 pub fn is_vp(text: &str) -> bool {
     text.lines().take(7).filter(|line| first_number(line).is_some()).count() == 7
 }
@@ -23,7 +24,7 @@ fn first_number(line: &str) -> Option<f64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Reads a `.vp`.
+/// Reads a transfer function from the text of a 3D Slicer `.vp` file.
 ///
 /// # Errors
 /// A line is missing, or has fewer numbers than it claims.
@@ -50,7 +51,8 @@ pub fn read_vp(text: &str) -> Result<Imported, String> {
     Foreign { warnings, ..Foreign::new("vp", opacity, color) }.convert()
 }
 
-/// Points of a line: a count of numbers, then the numbers; the rest of the line is a comment.
+/// Reads the points in a line of a `.vp` file: a count of numbers, then the numbers. The rest of the line is a
+/// comment.
 fn points<const N: usize>(lines: &[&str], line: usize, what: &str) -> Result<Vec<[f64; N]>, String> {
     let place = format!("line {}, the {what}", line + 1);
     let mut words = lines.get(line).ok_or_else(|| format!("{place} is missing"))?.split_whitespace();
@@ -87,7 +89,7 @@ fn warn_of_gradient(mut opacities: impl Iterator<Item = f64>, warnings: &mut Vec
     }
 }
 
-/// Reads a `.vp.json`.
+/// Reads a transfer function from a 3D Slicer `.vp.json` file.
 ///
 /// # Errors
 /// A key is missing or no number.
@@ -135,7 +137,7 @@ pub fn read_json(value: &Value) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Points of a function, if it is present.
+/// Returns the points of one function in a `.vp.json` file, such as its scalar opacity; `None` if it is missing.
 fn function<'a>(component: &'a Object, key: &str) -> Result<Option<Vec<&'a Object>>, String> {
     let Some(function) = component.get(key) else { return Ok(None) };
     let points = function.get("points").and_then(Value::as_array);

@@ -1,4 +1,5 @@
-//! Small files of each format, made by hand from the formats' definitions; round trips; mutants of all of them.
+//! Tests of the transfer-function formats: small handmade files of each format, round trips, and damaged copies of
+//! all of them.
 
 use super::write::{COLOR_WARNING, OPACITY_WARNING};
 use super::*;
@@ -32,7 +33,7 @@ fn read(text: &str) -> Imported {
     from_text(text, "").unwrap_or_else(|why| panic!("{text}: {why}"))
 }
 
-/// Opacity over the reference length at a value, and encoded colour.
+/// Opacity over the reference length, and encoded colour, of a transfer function at a scalar value.
 fn opacity_and_color(tf: &TransferFunction, value: f64) -> (f64, [f64; 3]) {
     (tf.amount(value), tf.color(value).map(srgb_from_linear))
 }
@@ -233,7 +234,7 @@ fn broken_files_are_refused_in_one_line() {
     }
 }
 
-/// Whatever a byte is turned to, there is an answer; what is read obeys the rules of a function's own file.
+/// A damaged transfer-function file gives an error, or a function that obeys the rules of this program's own files.
 #[test]
 fn mutants_of_every_file_are_read_or_refused() {
     let mut random = fastrand::Rng::with_seed(1);
@@ -272,7 +273,7 @@ fn mutants_of_every_file_are_read_or_refused() {
     assert!(valid > 1000, "some mutants are still functions: {valid}");
 }
 
-/// Many points and long text end soon, and in a function that a device can hold.
+/// Files with many points or long text are read quickly, and give functions that fit a device.
 #[test]
 fn large_files_become_functions_that_a_device_can_hold() {
     let wild = |i: usize| (i * 7919 % 1000) as f64 / 1000.0;
@@ -335,7 +336,8 @@ proptest! {
                 let value = f64::from(i) + 0.123;
                 // Compared as opacities over 1 mm, where differences near 1 are invisible.
                 let [want, got] = [&tf, &again.tf].map(|f| -(-f.extinction(value)).exp_m1());
-                // A .vp line that is too short causes no warning below these errors; the error between points is estimated to a tenth.
+                // A .vp line that is too short causes no warning below these errors; the error between points is
+                // estimated to a tenth.
                 let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_WARNING * want + 3e-4 };
                 prop_assert!((want.min(MAX_OPACITY) - got).abs() <= allowed, "{}: {} {} {}", name, value, want, got);
                 if want > 1e-9 && !is_rough {

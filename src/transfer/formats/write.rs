@@ -1,5 +1,5 @@
-//! Transfer functions in the formats of other programs: lists of opacities over 1 mm and of encoded sRGB colours, between
-//! which those programs interpolate linearly.
+//! Writes transfer functions in the formats of other programs, as lists of opacities over 1 mm and of encoded sRGB
+//! colours. Those programs interpolate linearly between the list's points.
 
 use super::curve::{LimitSide, NodeCurve, linear};
 use super::import::FRACTION;
@@ -9,29 +9,29 @@ use crate::files::color::srgb_from_linear;
 use crate::transfer::{MAX_OPACITY, Quantity, TransferFunction};
 use serde_json::json;
 
-/// Text of a file, with warnings about what it does not hold of the function.
+/// Text of an exported transfer-function file, with warnings about what the file cannot store.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
-    /// Text of the file.
+    /// Text of the exported transfer-function file.
     pub text: String,
-    /// One line each.
+    /// Warnings about what the exported file cannot store, one line each.
     pub warnings: Vec<String>,
 }
 
-/// Tolerance of an opacity between two points: relative, and absolute near 0.
+/// Largest error of an opacity between two exported points: relative, and absolute near 0.
 const OPACITY_SHARE: f64 = 1e-3;
 const OPACITY_LEAST: f64 = 1e-6;
-/// Tolerance of a colour: a quarter of a step of 8 bits.
+/// Largest error of an exported colour channel: a quarter of an 8-bit step.
 const COLOR_TOLERANCE: f64 = 0.25 / 255.0;
-/// Smallest errors that cause a warning: relative for opacities, in steps of 8 bits for colours.
+/// Smallest export errors that cause a warning: relative for opacities, in 8-bit steps for colours.
 pub(super) const OPACITY_WARNING: f64 = 0.01;
 pub(super) const COLOR_WARNING: f64 = 1.0;
-/// Limit on the points of a list; ParaView's editor shows each as a handle.
+/// Largest number of points of an exported list; ParaView's editor shows each as a handle.
 const MOST_POINTS: usize = 1000;
-/// Longest line that 3D Slicer reads; behind a longer one it loses the lines that follow.
+/// Longest line that 3D Slicer reads, characters. After a longer line it loses the lines that follow.
 const MOST_LINE: usize = 1023;
 
-/// Opacities over 1 mm, and colours.
+/// Exported lists of a transfer function: opacities over 1 mm, and encoded sRGB colours.
 struct Lists {
     opacity: Vec<SamplePoint<1>>,
     color: Vec<SamplePoint<3>>,
@@ -39,7 +39,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Samples a function with limits on the points of both lists.
+    /// Samples a transfer function for export, with limits on the number of opacities and colours.
     fn of(tf: &TransferFunction, most: [usize; 2]) -> Self {
         let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
         let color = |value: f64, side: LimitSide| colors.at(value, side).map(srgb_from_linear);
@@ -73,7 +73,7 @@ impl Lists {
     }
 }
 
-/// Separates the two points of a jump by the last digit: the programs keep one point a value.
+/// Separates the two points of a jump by one rounding step, since the other programs allow one point for each value.
 fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint<N>> {
     for i in 1..points.len() {
         if points[i - 1].0 == points[i].0 {
@@ -83,7 +83,7 @@ fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint
     points
 }
 
-/// Extends a list to both ends of a range, and to at least two points.
+/// Extends an exported list to both ends of a value range, and to at least two points.
 fn extended<const N: usize>(mut points: Vec<SamplePoint<N>>, range: Option<[f64; 2]>) -> Vec<SamplePoint<N>> {
     if let Some([low, high]) = range {
         let (first, last) = (points[0], points[points.len() - 1]);
@@ -100,12 +100,12 @@ fn extended<const N: usize>(mut points: Vec<SamplePoint<N>>, range: Option<[f64;
     points
 }
 
-/// Whether values are fractions of a volume's range.
+/// Whether the transfer function's scalar values are fractions of a volume's value range.
 pub fn has_fractions(tf: &TransferFunction) -> bool {
     tf.units.eq_ignore_ascii_case(FRACTION)
 }
 
-/// Writes ParaView's JSON.
+/// Writes a transfer function as a ParaView colour map (JSON).
 ///
 /// # Errors
 /// None; the signature is that of all formats.
@@ -116,7 +116,7 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
         Some([first.min(0.0), last.max(1.0)])
     } else {
         warnings.push("ParaView maps it to the data's range unless `Use preset range` is chosen".into());
-        // Exactly these ranges are read as fractions; one more value avoids that.
+        // ParaView files with exactly these ranges are read as fractions; one more value avoids that.
         [[0.0, 1.0], [-1.0, 1.0]].contains(&[first, last]).then_some([first, last + 1.0])
     };
     let opacity = extended(separated(opacity), range);
@@ -132,7 +132,7 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     Ok(Written { text, warnings })
 }
 
-/// Writes 3D Slicer's `.vp`.
+/// Writes a transfer function as a 3D Slicer `.vp` file.
 ///
 /// # Errors
 /// The function's values are fractions of a range, which the format cannot express.
@@ -154,14 +154,14 @@ pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
             }
         }
         if !is_long {
-            // Trilinear, shaded like Slicer's own presets, and no opacity by the gradient.
+            // Trilinear, shaded like Slicer's own presets, without gradient opacity.
             let text = format!("1\n1\n0.9\n0.1\n0.2\n10\n{}\n4 0 1 255 1\n{}\n", lines[0], lines[1]);
             return Ok(Written { text, warnings });
         }
     }
 }
 
-/// Line of a `.vp`: the count of numbers, then value and amounts of each point.
+/// Formats a line of a `.vp` file: the count of numbers, then value and opacity or colour of each point.
 fn line<const N: usize>(points: &[SamplePoint<N>]) -> String {
     let mut text = (points.len() * (N + 1)).to_string();
     for (value, amounts) in points {
@@ -171,7 +171,7 @@ fn line<const N: usize>(points: &[SamplePoint<N>]) -> String {
     text
 }
 
-/// Number with five significant digits, without zeros at the end.
+/// Formats a number with at least five significant digits, without trailing zeros.
 fn digits(x: f64) -> String {
     if x != 0.0 && x.abs() < 0.01 {
         return format!("{x:.4e}");

@@ -1,7 +1,7 @@
 //! Layout of the window: nothing is cut, covered or unreadable from 640 x 480 points up.
 //!
-//! The tests examine what egui has laid out and painted: the rectangle of each widget against its panel's clip rectangle,
-//! and all shapes in painting order. One window goes through all states, and each state through all sizes.
+//! The tests examine what egui has laid out and painted: the rectangle of each widget against its panel's clip
+//! rectangle, and all shapes in painting order. One window goes through all states, and each state through all sizes.
 
 mod texts;
 mod widgets;
@@ -16,7 +16,7 @@ use umbravox::app::{Model, OpenMode};
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 
-/// Points, and pixels a point. The last one is the least that the window may have.
+/// Window sizes in points, and pixels per point. The last one is the smallest allowed window.
 const WINDOWS: [(Vec2, f32); 7] = [
     (vec2(900.0, 560.0), 1.0),
     (vec2(900.0, 560.0), 2.0),
@@ -27,13 +27,13 @@ const WINDOWS: [(Vec2, f32); 7] = [
     (vec2(640.0, 480.0), 1.0),
 ];
 
-/// Windows of every state: the first ones, and always the smallest.
+/// Window sizes that are inspected in every state: the first ones, and always the smallest.
 fn inspected_windows() -> Vec<(Vec2, f32)> {
     let (smallest, others) = WINDOWS.split_last().expect("a constant list");
     others.iter().take(SIZES.window_sizes - 1).chain([smallest]).copied().collect()
 }
 
-/// Faults, each with its place.
+/// Layout faults that were found, each with its place.
 #[derive(Default)]
 struct Found(Vec<String>);
 
@@ -67,14 +67,14 @@ impl Bench {
         self.click(label);
     }
 
-    /// Checks the current state at every size, and text in both themes at the first.
+    /// Inspects the current state of the window at every size, and its text in both themes at the first size.
     fn look(&mut self, state: &str, found: &mut Found) {
         for &(size, pixels_per_point) in &inspected_windows() {
             self.resize(size, pixels_per_point);
             let place = format!("{state}, {} x {} at {pixels_per_point}", size.x, size.y);
             assert!(widgets::count(&self.harness) > 20, "{place}: hardly anything is shown");
             found.at(&place, texts::faults(&self.harness));
-            // The probe is in the view, where that is large enough.
+            // The probe lies in the view if that is large enough.
             let Model { probe, view, .. } = &self.app().model;
             let view = view.filter(|view| probe.is_some() && view.width() > 500.0 && view.height() > 250.0);
             found.at(&place, widgets::faults(&mut self.harness, view));
@@ -110,9 +110,9 @@ impl Bench {
     }
 }
 
-/// Cheap to draw at any size.
+/// Flags that make pictures cheap to draw at any size.
 const CHEAP: [&str; 3] = ["--step=4", "--shading=none", "--shadow=none"];
-/// Longest texts of methods.
+/// Shadow methods with the longest texts.
 const LONG: [&str; 2] =
     ["dsm:epsilon=0.0123,map=32,prefilter=5,precompress=off", "osm:map=32,layers=12,slicing=density"];
 
@@ -207,7 +207,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
 
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("a folder with a long name/and one within/comparison");
-    // At a size where the whole form is visible and can be clicked.
+    // At this size the whole form is visible and can be clicked.
     bench.resize(vec2(1920.0, 1080.0), 1.0);
     bench.ask_for_little(&folder, &little(), "1");
     bench.look("comparison", &mut found);
@@ -250,7 +250,7 @@ fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
     found.assert_none();
 }
 
-/// An elided text has its whole text as a tooltip.
+/// A shortened text has its whole text as a tooltip.
 #[test]
 fn elided_text_is_complete_in_its_tooltip() {
     let dir = tempfile::tempdir().unwrap();
@@ -273,7 +273,7 @@ fn elided_text_is_complete_in_its_tooltip() {
     }
 }
 
-/// Planted faults are found.
+/// Planted layout faults are found.
 #[test]
 fn planted_faults_are_found() {
     let plant = |ui: &mut egui::Ui| {

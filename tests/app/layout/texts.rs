@@ -1,4 +1,4 @@
-//! Painted text: complete, not overlapping, and readable on its background.
+//! Painted text of the window: complete, not overlapping, and readable on its background.
 
 use super::widgets::meanings;
 use eframe::egui::emath::Rot2;
@@ -9,17 +9,18 @@ use egui_kittest::Harness;
 use std::ops::Range;
 use umbravox::app::theme::{MIN_CONTRAST, contrast, over};
 
-/// Letters reach a little over their lines, and pixels are rounded to, points.
+/// Tolerance for text rectangles, points: letters reach a little over their lines, and positions are rounded to
+/// pixels.
 const SLACK: f32 = 1.5;
 
-/// Everything that was painted last, from the bottom up.
+/// All shapes of the last frame, from the bottom up.
 struct Painted {
     shapes: Vec<(Rect, Shape)>,
 }
 
-/// A line of text.
+/// Painted line of text.
 struct Text<'a> {
-    /// Index among all shapes.
+    /// Index of the text among all painted shapes.
     order: usize,
     clip: Rect,
     shape: &'a TextShape,
@@ -61,7 +62,7 @@ impl Painted {
         })
     }
 
-    /// Whether a shape of at least this alpha covers a position.
+    /// Whether a painted shape of at least this alpha covers a position.
     fn hides(&self, orders: Range<usize>, at: Pos2, alpha: u8) -> bool {
         self.shapes[orders].iter().any(|(clip, shape)| match shape {
             Shape::Rect(r) => {
@@ -71,7 +72,7 @@ impl Painted {
         })
     }
 
-    /// Colour painted at a place before `order`; over a picture it may be any colour.
+    /// Colours painted at a position before shape `order`; over a picture it may be any colour.
     fn below(&self, order: usize, at: Pos2, ground: Color32, view: Option<Rect>) -> Vec<Color32> {
         let anything = || vec![Color32::BLACK, Color32::WHITE];
         let mut backs = vec![ground];
@@ -117,7 +118,7 @@ fn is_inside([a, b, c]: [Pos2; 3], p: Pos2) -> bool {
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
 }
 
-/// Tells whether a convex polygon contains a point.
+/// Whether a convex polygon contains a point.
 fn is_inside_polygon(corners: &[Pos2], p: Pos2) -> bool {
     let fans = corners.windows(2).skip(1);
     corners.first().is_some_and(|first| fans.into_iter().any(|edge| is_inside([*first, edge[0], edge[1]], p)))
@@ -128,7 +129,7 @@ impl Text<'_> {
         &self.shape.galley.job.text
     }
 
-    /// Some letters with their centres.
+    /// Some letters of the text: their centres and colours.
     fn letters(&self) -> Vec<(Pos2, Color32)> {
         let visuals = &self.row.row.visuals;
         let corners = &visuals.mesh.vertices[visuals.glyph_vertex_range.clone()];
@@ -146,15 +147,15 @@ impl Text<'_> {
     }
 }
 
-/// Lines that are cut or lie over each other.
+/// Lines of text that are cut or overlap each other.
 pub fn faults<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let painted = Painted::of(harness);
     let window = harness.ctx.content_rect();
     [cut(harness, &painted), collisions(&painted), veiled(&painted, window)].concat()
 }
 
-/// Text that its clip rectangle cuts, unless it is that of a widget which is looked at as such: one that is cut itself, or
-/// a field, in which text scrolls.
+/// Text that its clip rectangle cuts. Text of a widget that is itself cut, and text in a field, which scrolls, do not
+/// count.
 fn cut<S>(harness: &Harness<'_, S>, painted: &Painted) -> Vec<String> {
     let meanings = meanings(harness);
     let excused: Vec<Rect> = harness.ctx.viewport(|v| {
@@ -172,7 +173,7 @@ fn cut<S>(harness: &Harness<'_, S>, painted: &Painted) -> Vec<String> {
     cut.map(|text| format!("text cut: `{}` {} in {}", text.words(), text.rect, text.clip)).collect()
 }
 
-/// Texts that lie over each other, with nothing between them that hides the lower one.
+/// Texts that overlap, with nothing opaque between them.
 fn collisions(painted: &Painted) -> Vec<String> {
     let texts: Vec<Text<'_>> = painted.texts().collect();
     let mut faults = Vec::new();
@@ -188,8 +189,8 @@ fn collisions(painted: &Painted) -> Vec<String> {
     faults
 }
 
-/// Text under a plate that something else lies on. What is opaque is a window or a list over it; the veil of a question
-/// lies over all of the window.
+/// Text below a translucent rectangle. An opaque rectangle is a window or a list over it, and the veil of a modal
+/// question covers the whole window.
 fn veiled(painted: &Painted, window: Rect) -> Vec<String> {
     let mut faults = Vec::new();
     for text in painted.texts() {
@@ -208,7 +209,7 @@ fn veiled(painted: &Painted, window: Rect) -> Vec<String> {
     faults
 }
 
-/// Text with too little contrast against what lies below it; `view` is a picture, which may be of any colour.
+/// Text with too little contrast against its background; `view` is a picture, which may have any colour.
 pub fn unreadable<S>(harness: &Harness<'_, S>, view: Option<Rect>) -> Vec<String> {
     let painted = Painted::of(harness);
     let ground = harness.ctx.global_style().visuals.panel_fill;
@@ -242,7 +243,7 @@ pub fn unreadable<S>(harness: &Harness<'_, S>, view: Option<Rect>) -> Vec<String
     faults
 }
 
-/// Texts that end in … for want of room, with where they are.
+/// Texts that are shortened with … for lack of room, with their positions.
 pub fn elided<S>(harness: &Harness<'_, S>) -> Vec<(String, Pos2)> {
     let painted = Painted::of(harness);
     let elided =
@@ -251,7 +252,7 @@ pub fn elided<S>(harness: &Harness<'_, S>) -> Vec<(String, Pos2)> {
     elided.map(|text| (text.words().to_owned(), place(&text))).collect()
 }
 
-/// Texts that are shown to their end.
+/// Texts that are shown completely.
 pub fn whole<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let painted = Painted::of(harness);
     let whole = painted.texts().filter(|text| !text.shape.galley.elided);

@@ -9,11 +9,11 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::NodeT;
 use std::collections::HashMap;
 
-/// Rounding to pixels, points.
+/// Tolerance for rounding to pixels, points.
 const SLACK: f32 = 1.0;
-/// Margin of a window, points.
+/// Width of a floating window's border, points.
 const BORDER: f32 = 10.0;
-/// Pictures and canvases, which other things lie on.
+/// Pictures and canvases, on which other widgets may lie.
 const GROUNDS: [&str; 5] = ["3-D view", "slice 1", "slice 2", "slice 3", "opacity curve"];
 
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ struct Widget {
     id: Id,
     layer: LayerId,
     rect: Rect,
-    /// Part of a widget that its panel shows.
+    /// Part of the widget that its panel shows.
     seen: Rect,
     sense: Sense,
     name: String,
@@ -29,13 +29,13 @@ struct Widget {
 }
 
 impl Widget {
-    /// Whether it is fully visible.
+    /// Whether the widget is fully visible.
     fn is_whole(&self) -> bool {
         self.seen.is_positive() && self.seen.expand(SLACK).contains_rect(self.rect)
     }
 }
 
-/// Roles that widgets report to screen readers; spaces, panels and backgrounds of areas report none.
+/// Accessibility roles and names of widgets; spaces, panels and backgrounds of areas have none.
 pub fn meanings<S>(harness: &Harness<'_, S>) -> HashMap<NodeId, (Role, String)> {
     let means = harness.root().children_recursive().filter_map(|node| {
         let node = node.accesskit_node();
@@ -55,7 +55,7 @@ pub fn meanings<S>(harness: &Harness<'_, S>) -> HashMap<NodeId, (Role, String)> 
     means.collect()
 }
 
-/// Every widget that has a meaning, as it was laid out last.
+/// Every widget with an accessibility role, with its rectangle in the last frame.
 fn widgets<S>(harness: &Harness<'_, S>) -> Vec<Widget> {
     let meanings = meanings(harness);
     harness.ctx.viewport(|v| {
@@ -82,7 +82,7 @@ pub fn count<S>(harness: &Harness<'_, S>) -> usize {
     widgets(harness).len()
 }
 
-/// Widgets that are cut, covered or outside the window. Floating windows belong over `view` alone.
+/// Widgets that are cut, covered or outside the window. Floating windows may cover only `view`.
 pub fn faults<S>(harness: &mut Harness<'_, S>, view: Option<Rect>) -> Vec<String> {
     let mut faults = overlaps(harness);
     faults.extend(out_of_the_window(harness));
@@ -91,7 +91,7 @@ pub fn faults<S>(harness: &mut Harness<'_, S>, view: Option<Rect>) -> Vec<String
     faults
 }
 
-/// Widgets that are not whole, even when they are asked to scroll into sight.
+/// Widgets that are not fully visible, even after scrolling to them.
 fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
     fn find<S>(harness: &Harness<'_, S>) -> HashMap<Id, Widget> {
         widgets(harness).into_iter().filter(|w| !w.is_whole()).map(|w| (w.id, w)).collect()
@@ -106,7 +106,7 @@ fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
             data: None,
         }));
         harness.run_steps(3);
-        // Only the innermost scroll area takes the wheel; where that is cut, the wheel is used beside it.
+        // Only the innermost scroll area takes the wheel; if it is cut, the wheel is turned beside it.
         for _ in 0..12 {
             let Some(still) = find(harness).remove(&widget.id) else { break };
             turn_the_wheel(harness, &still);
@@ -115,13 +115,13 @@ fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
         if let Some(still) = now.get(&widget.id) {
             faults.push(format!("cut: {:?} `{}` {} seen {}", still.role, still.name, still.rect, still.seen));
         }
-        // Widgets that came into view with it need no scrolling.
+        // Widgets that became visible by this scrolling need none of their own.
         waiting.retain(|id, _| now.contains_key(id));
     }
     faults
 }
 
-/// Turns the wheel towards a widget, over the innermost of what holds it that is to be seen.
+/// Turns the mouse wheel towards a widget, over its innermost visible container.
 fn turn_the_wheel<S>(harness: &mut Harness<'_, S>, widget: &Widget) {
     let holder = harness.ctx.viewport(|v| {
         let all = &v.prev_pass.widgets;
@@ -144,13 +144,13 @@ fn turn_the_wheel<S>(harness: &mut Harness<'_, S>, widget: &Widget) {
     harness.run_steps(3);
 }
 
-/// From top to bottom, so that most of what follows comes into sight, too.
+/// Topmost widget that is still to be inspected, so that scrolling to it shows many of the following ones.
 fn first(waiting: &HashMap<Id, Widget>) -> Option<Widget> {
     let key = |w: &Widget| (w.rect.top(), w.rect.left());
     waiting.values().min_by(|a, b| key(a).partial_cmp(&key(b)).unwrap()).cloned()
 }
 
-/// Two things in one layer that take the hand at the same place.
+/// Pairs of widgets in one layer that take clicks at the same place.
 fn overlaps<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let takes = |w: &&Widget| w.sense.interactive() && w.seen.is_positive();
     let all = widgets(harness);
@@ -173,7 +173,7 @@ fn overlaps<S>(harness: &Harness<'_, S>) -> Vec<String> {
     faults
 }
 
-/// Areas that reach beyond the window, which cuts them without a word.
+/// Floating areas that reach beyond the window, which cuts them.
 fn out_of_the_window<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let window = harness.ctx.content_rect().expand(SLACK);
     let areas = harness.ctx.memory(|m| {
@@ -186,14 +186,14 @@ fn out_of_the_window<S>(harness: &Harness<'_, S>) -> Vec<String> {
     beyond.map(|(layer, rect)| format!("{layer:?} {rect} is beyond the window")).collect()
 }
 
-/// Floating windows over the view cover no panel.
+/// Floating windows over the view that cover a panel.
 fn out_of_the_view<S>(harness: &Harness<'_, S>, view: Rect) -> Vec<String> {
     let over = widgets(harness).into_iter().filter(|w| w.layer.order == Order::Middle && !is_border(w));
     let outside = over.filter(|w| w.seen.is_positive() && !view.expand(SLACK).contains_rect(w.seen));
     outside.map(|w| format!("`{}` {} lies over a panel", w.name, w.seen)).collect()
 }
 
-/// The edges of a window, by which it is resized, reach a little into it.
+/// Whether a widget is the resize border of a floating window, which reaches a little into the window.
 fn is_border(widget: &Widget) -> bool {
     widget.name.starts_with("Resize window")
 }

@@ -1,10 +1,10 @@
-//! Scenes that try to break what a method promises of its light rays: made at random, then changed for the worse.
+//! Random scenes that try to violate the error bound of a shadow method on its light rays, then changed for the
+//! worse.
 //!
 //! A scene is small (up to 16 voxels a side) and otherwise anything: values smooth, noisy, sparse or in planes; any
-//! transfer function; voxels up to 1 : 100, turned and sheared; any light; epsilon from 0.001 to 0.1; a deep shadow map, in
-//! some scenes pre-filtered, or shadow rays. `Attack::run` builds
-//! the map, asks every texel's ray at many depths, and says how far outside (above 0) or inside the band the worst of
-//! them is.
+//! transfer function; voxels up to 1 : 100, turned and sheared; any light; epsilon from 0.001 to 0.1; a deep shadow
+//! map, in some scenes pre-filtered, or shadow rays. `Attack::run` builds the map, asks every texel's ray at many
+//! depths, and says how far outside (above 0) or inside the band the worst of them is.
 
 mod search;
 
@@ -23,18 +23,18 @@ use umbravox::shadow::{self, Bound};
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
-/// Depths a ray.
+/// Number of queried depths on each light ray.
 const DEPTHS: usize = 64;
 
-/// One scene.
+/// Scene that may violate an error bound.
 #[derive(Debug, Clone)]
 pub struct Attack {
     pub dims: [usize; 3],
     pub spacing_mm: [f64; 3],
-    /// Euler angles and shears.
+    /// Euler angles and shears of the volume's affine.
     pub turn: [f64; 3],
     pub shear: [f64; 3],
-    /// x fastest; from 0 to 1, or whole numbers where `whole`.
+    /// Voxel values, x fastest: from 0 to 1, or integers if `whole`.
     pub values: Vec<f32>,
     pub whole: bool,
     pub quantity: Quantity,
@@ -44,13 +44,13 @@ pub struct Attack {
     pub epsilon: f64,
     pub map: u32,
     pub nearest: bool,
-    /// Rays whose mean a texel keeps; `None` for shadow rays instead of a map.
+    /// Number of rays whose mean a texel stores; `None` for shadow rays instead of a map.
     pub prefilter: Option<u32>,
-    /// How a map's curves become nodes.
+    /// Compression of the map's curves to nodes.
     pub compress: &'static str,
 }
 
-/// Result of one scene.
+/// Result of one attack scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     pub report: BoundReport,
@@ -59,7 +59,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// How far outside the band the worst depth is, in transmittance; negative inside.
+    /// Largest excess over the error band of all depths, in transmittance; negative inside the band.
     pub fn margin(&self) -> f64 {
         self.report.margin.unwrap_or(-1.0)
     }
@@ -150,7 +150,7 @@ fn random_points(rng: &mut Rng, quantity: Quantity) -> Vec<(f64, f64)> {
     }
 }
 
-/// In rising order, at most two at a value.
+/// Sorts transfer-function points by value, at most two at a value.
 fn tidy(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut kept: Vec<(f64, f64)> = Vec::new();
@@ -231,7 +231,7 @@ impl Attack {
         Light::Point { position: center + d.normalize() * radius * log_uniform(rng, 0.01, 1000.0) }
     }
 
-    /// One thing changed.
+    /// Returns the scene with one random change.
     pub fn changed(&self, rng: &mut Rng) -> Self {
         let mut new = self.clone();
         match rng.u32(..10) {
@@ -321,7 +321,7 @@ impl Attack {
         }
     }
 
-    /// Builds the map and asks every texel's ray.
+    /// Builds the shadow map and queries every texel's ray.
     pub fn run(&self, renderer: &Arc<Renderer>) -> umbravox::error::Result<Outcome> {
         self.run_as(renderer, &self.method())
     }
@@ -333,7 +333,7 @@ impl Attack {
         let field = ExactField::new(&volume, &tf);
         let map = session.shadow(shadow::parse(method)?.as_ref(), self.light)?;
         let side = map.light_space.map_size;
-        // All of a map's texels; shadow rays have no map of that size.
+        // All texels of the map; shadow rays have no map of that size.
         let asked = self.map.min(side);
         let at = |i: u32| i * side / asked;
         let texels: Vec<[u32; 2]> = (0..asked * asked).map(|i| [at(i % asked), at(i / asked)]).collect();
@@ -351,7 +351,7 @@ impl Attack {
 }
 
 impl Attack {
-    /// Without its voxels.
+    /// Description of the scene without its voxels.
     pub fn shown(&self) -> String {
         let points = &self.points[..self.points.len().min(12)];
         format!(

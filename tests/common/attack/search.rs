@@ -1,4 +1,4 @@
-//! Search for scenes that break the error bound.
+//! Search for scenes that violate the error bound.
 
 use super::Attack;
 use fastrand::Rng;
@@ -7,23 +7,23 @@ use umbravox::gpu::Gpu;
 use umbravox::render::Renderer;
 use umbravox::shadow::Bound;
 
-/// A number from the environment, or the usual one.
+/// Reads a number from an environment variable, or returns the default.
 pub fn setting(name: &str, usual: usize) -> usize {
     std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
-/// Results of a search.
+/// Results of a search for violations of the error bound.
 #[derive(Default)]
 pub struct Found {
     pub tries: usize,
     pub depths: usize,
-    /// Depths that only neighbouring curves explain.
+    /// Number of depths whose error only neighbouring curves explain.
     pub limited: usize,
-    /// The worst depth's distance to the edge of its band, as a share of the bound; above 0 is outside.
+    /// Distance of the worst depth to the edge of its error band, relative to the bound; above 0 is outside.
     pub nearest: f64,
-    /// Means of rays that the adapter ended.
+    /// Number of scenes with pre-filtered rays that the adapter's loop limit ended.
     pub refused: usize,
-    /// Scenes that break the promise, or of which it promises less than is asked.
+    /// Scenes that violate the error bound, or whose bound is larger than requested.
     pub broken: Vec<String>,
     pub adapter: String,
     pub seconds: f64,
@@ -41,13 +41,13 @@ impl Found {
     }
 }
 
-/// Tries per climb.
+/// Number of tries for each climb to a worse scene.
 const STARTS_A_CLIMB: usize = 20;
 
-/// So many scenes with one compression of maps, half of them at random, half climbing from the worst.
+/// Searches `tries` scenes with one compression of maps: half of them at random, half by changing the worst.
 pub fn search(gpu: Gpu, tries: usize, seed: u64, compress: &'static str) -> Found {
     let mut found = Found { adapter: gpu.info.name.clone(), nearest: f64::NEG_INFINITY, ..Found::default() };
-    // Values that change from scene to scene are read as storage: llvmpipe would compile anew for each.
+    // Constants that change from scene to scene are read from storage buffers: llvmpipe would compile each anew.
     let renderer = Arc::new(Renderer::live(gpu, f64::INFINITY));
     let clock = std::time::Instant::now();
     let mut rng = Rng::with_seed(seed);
@@ -79,11 +79,11 @@ pub fn search(gpu: Gpu, tries: usize, seed: u64, compress: &'static str) -> Foun
 }
 
 impl Found {
-    /// Runs one scene; how near it comes to the edge of its band.
+    /// Runs one scene, and returns its distance to the edge of its error band.
     fn attempt(&mut self, renderer: &Arc<Renderer>, attack: &Attack, what: &str) -> f64 {
         let outcome = match attack.run(renderer) {
             Ok(outcome) => outcome,
-            // Nine marches a step are more than a software adapter may let a thread take: it says so.
+            // Nine marches for each step may exceed the loop limit of a software adapter, which reports it.
             Err(e) if attack.prefilter.is_some_and(|n| n > 1) && e.to_string().contains("did not end") => {
                 self.refused += 1;
                 return f64::NEG_INFINITY;
@@ -99,7 +99,7 @@ impl Found {
         self.depths += outcome.report.depths;
         self.limited += outcome.report.limited;
         self.nearest = self.nearest.max(nearness);
-        // The lattice of means is half a step wide, as it says.
+        // Pre-filtered curves have a larger depth tolerance, by the step of their lattice.
         let deep = attack.prefilter.is_none_or(|n| n == 1) && depth_mm > 0.25 * outcome.min_spacing_mm;
         let wide = transmittance > attack.epsilon + 0.005 || deep;
         if !outcome.held() || wide {

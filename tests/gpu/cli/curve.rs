@@ -1,4 +1,4 @@
-//! `umbravox probe --curve`: against closed forms and the other questions of `probe`, and what it refuses.
+//! `umbravox probe --curve`: against closed forms and the other outputs of `probe`, and invalid command lines.
 
 use crate::common;
 use crate::program::{refused, umbravox};
@@ -54,7 +54,7 @@ fn uniform_matter_gives_the_exponential_under_both_lights() {
         }
         assert_eq!((curve.depth_mm[0], curve.depth_mm.last()), (0.0, Some(&curve.length_mm)));
     }
-    // From a light inside, depth is from the light.
+    // For a light inside the volume, depth counts from the light.
     let curve = LightCurve::through(&field, &lights[2], center).unwrap();
     assert!(curve.origin_mm.distance(center + DVec3::new(0.5, 0.25, 1.0)) < 1e-12);
 }
@@ -72,7 +72,7 @@ fn a_slab_gives_its_closed_form() {
     let light = Light::Directional { toward: DVec3::Z };
     let curve = LightCurve::through(&field, &light, center).unwrap();
     for (&z, &t) in curve.depth_mm.iter().zip(&curve.exact) {
-        // From plane 24 downwards, in voxels; the light enters at plane 31.5.
+        // Position below plane 24, in voxels; the light enters at plane 31.5.
         let u = z / h - 7.5;
         let voxels = match u {
             _ if u <= 0.0 => 0.0,
@@ -116,7 +116,7 @@ fn the_table_has_a_column_a_method_and_the_exact_one() {
         }
     }
 
-    // The same point asked by the other question.
+    // `probe` without --curve gives the same transmittance at that point.
     let row = &found.rows[found.rows.len() / 2];
     std::fs::write(dir.path().join("p.txt"), format!("{} {} {}", row[1], row[2], row[3])).unwrap();
     let points = ["probe", "phantom:slab:16", "--tf", "tf.json", "--points", "p.txt", "--shadow", "rays"];

@@ -1,4 +1,4 @@
-//! `render --turntable` and `--light-sweep`: pictures of a turn, each as it would be by itself.
+//! `render --turntable` and `--light-sweep`: each picture of the turn equals the one drawn by itself.
 
 use crate::common;
 use crate::program::{refused, umbravox};
@@ -14,7 +14,7 @@ use umbravox::scene::Light;
 
 const SCENE: [&str; 4] = ["render", "phantom:thorax:24", "--size=37x29", "--tf=ct"];
 
-/// Draws, and gives what `--json` says.
+/// Runs `render`, and returns the output of `--json`.
 fn render(folder: &Path, more: &[&str]) -> serde_json::Value {
     let run = umbravox(folder, &[&SCENE, more, &["--json"]].concat());
     assert!(run.status.success(), "{more:?}: {}", String::from_utf8_lossy(&run.stderr));
@@ -25,7 +25,7 @@ fn bytes(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
 }
 
-/// The scene file that a picture carries.
+/// Scene file stored in a picture file.
 fn scene_text(file: &[u8]) -> String {
     let reader = png::Decoder::new(Cursor::new(file)).read_info().unwrap();
     let chunk = reader.info().utf8_text.iter().find(|c| c.keyword == "umbravox:scene").unwrap();
@@ -39,7 +39,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// How many structures were built and kept, picture by picture.
+/// Number of shadow maps that were built and reused, for each picture.
 fn built_and_kept(json: &serde_json::Value) -> Vec<[u64; 2]> {
     let frames = json["frames"].as_array().unwrap();
     frames.iter().map(|f| ["built", "kept"].map(|key| f[key].as_u64().unwrap())).collect()
@@ -75,7 +75,7 @@ fn bad_sequences_are_refused_in_a_line() {
         let error = refused(dir.path(), &[&SCENE, flags, &["-o", output]].concat());
         assert!(error.contains(said), "{flags:?} {output}: {error}");
     }
-    // Of the pictures that are asked for none is a folder.
+    // With fewer pictures no output path is a folder.
     if common::has_adapter() {
         render(dir.path(), &["--turntable=2", "-o", "taken.png"]);
     }
@@ -121,7 +121,7 @@ fn pictures_of_a_turntable_are_those_from_their_eyes() {
         assert_eq!(pictures[3], bytes(folder, "again.png"), "{shadow}: from its own text");
         pictures.dedup();
         assert_eq!(pictures.len(), 5, "they differ");
-        // A map of the whole volume is one for all; `fit=view` may be another for each.
+        // One shadow map of the whole volume serves all pictures; `fit=view` may need one for each.
         let counts = built_and_kept(&turn);
         assert!(counts.iter().all(|[built, kept]| built + kept == 1) && counts[0] == [1, 0], "{counts:?}");
         if shadow != "--shadow=dsm" {
@@ -146,7 +146,7 @@ fn a_map_that_follows_the_view_is_built_for_each() {
     let run = umbravox(dir.path(), &[&SCENE[..], &above].concat());
     let said = String::from_utf8(run.stderr).unwrap();
     assert!(run.status.success() && said.contains("note: every light lies on the rotation axis"), "{said}");
-    // Where nothing is lit by any light nothing is built.
+    // If no light lights the scene, no shadow map is built.
     let lit = ["--ambient=1", "--turntable=3", "-o", "lit.npy"];
     let json = render(dir.path(), &lit);
     assert_eq!(json["method"], "none");
@@ -182,12 +182,13 @@ fn lights_of_a_sweep_are_those_given_explicitly() {
         render(folder, &[&place[..], &[&toward, &at, "-o", "alone.npy"]].concat());
         let (sweep, alone) = (read(&format!("sweep_{k:04}.npy")), read("alone.npy"));
         let off = |a: &Array3<f32>| a.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0_f32, f32::max);
-        // A turn by sines and cosines is 1e-16 off one that swaps coordinates, which can move a node, within epsilon.
+        // A rotation by sines and cosines differs by 1e-16 from one that swaps coordinates, which can move a node,
+        // within epsilon.
         assert!(off(&sweep) < 0.02, "picture {k}: {}", off(&sweep));
         turned_off = turned_off.max(off(&read("sweep_0000.npy")));
     }
     assert!(turned_off > 0.05, "{turned_off}: the light matters");
-    // The camera's pictures carry the lights where they have turned to, and are drawn by that.
+    // Pictures of the turning camera record the turned lights, and reproduce the picture.
     render(folder, &[&place[..], &[&lights[0], &lights[1], "--light-sweep=3", "-o", "sweep.png"]].concat());
     let text = scene_text(&bytes(folder, "sweep_0001.png"));
     let scene = SceneRequest::from_toml(&text).unwrap().settings;
@@ -239,7 +240,7 @@ fn one_animated_file_holds_the_numbered_pictures() {
         assert_eq!((frame.width, frame.height, frame.delay), (37, 29, 25));
         let rgb = frame.buffer.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]);
         let off: f64 = rgb.zip(&numbered[count]).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
-        // 256 colours for all.
+        // An animation has 256 colours for all pictures.
         assert!((off / numbered[count].len() as f64).sqrt() < 6.0, "picture {count}: {off}");
         count += 1;
     }
@@ -247,7 +248,8 @@ fn one_animated_file_holds_the_numbered_pictures() {
     assert!(names(folder).iter().all(|name| !name.ends_with(".tmp")), "{:?}", names(folder));
 }
 
-/// Starts a long turn, waits until `begun`, interrupts it so many `times`, and gives its exit status as shells do and what it said.
+/// Starts a long turn, waits until `begun`, interrupts it `times` times, and returns its exit status as shells do and
+/// its output.
 #[cfg(unix)]
 fn interrupted(
     folder: &Path,
@@ -271,7 +273,7 @@ fn interrupted(
     }
     for _ in 0..times {
         crate::program::signal(&child, "TERM");
-        // Two that come at once are one.
+        // Two signals at the same time count as one.
         std::thread::sleep(Duration::from_millis(50));
     }
     let ended = child.wait_with_output().unwrap();
@@ -298,11 +300,11 @@ fn an_interruption_leaves_whole_files_alone() {
         assert_eq!(*name, format!("f_{k:04}.png"));
         assert_eq!(image::open(folder.join(name)).unwrap().width(), 400);
     }
-    // Twice, while a picture is drawn, it ends at once; where that is soon done, after it.
+    // A second interrupt ends the program at once; if the picture is done soon, after it.
     for (size, times, ends) in [(small, 1, vec![1]), ("--size=3000x3000", 2, vec![130, 1])] {
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path();
-        // The file that stays, and not the one by which the folder was tried.
+        // Waits for the final file, not the one that only tests whether the folder can be written.
         let before = std::cell::RefCell::new(Vec::new());
         let (status, said) = interrupted(folder, [size, "f.gif"], times, || {
             let now = names(folder);

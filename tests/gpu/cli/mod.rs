@@ -1,4 +1,4 @@
-//! Commands that need a device, run as a user runs them.
+//! Tests of commands that need a device, run as a user runs them.
 
 mod claims;
 mod curve;

@@ -1,4 +1,4 @@
-//! Picture files of `render`: with and without their background.
+//! Picture files of `render`, with and without a background.
 
 use crate::common;
 use crate::program::{refused, umbravox};
@@ -46,7 +46,7 @@ fn a_picture_without_its_background_goes_over_it_again() {
     let color = format!("--background={BACKGROUND}");
     render(dir.path(), &[&color], "with.npy");
     render(dir.path(), &[&color], "with.png");
-    // The last one as a key of a scene file.
+    // The last variant is a key of a scene file.
     std::fs::write(at("bare.toml"), "background = 'none'\n").unwrap();
     for name in ["bare.png", "bare.npy"] {
         render(dir.path(), &["--background=none"], name);
@@ -151,7 +151,7 @@ fn parts_are_hidden_by_planes_and_labels_alike() {
         |a: &Array3<f32>, b: &Array3<f32>| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
     assert!(off(&whole, &clipped) > 0.1);
     assert!(off(&clipped, &hidden) < 5e-3, "{}", off(&clipped, &hidden));
-    // Everything through another function is that function's picture; a scene file says the same.
+    // If all labels have another function, the picture is that function's; a scene file gives the same.
     std::fs::write(
         dir.path().join("parts.toml"),
         "labels = 'halves.nii.gz'\nlabel-tf = ['1,5=engine']\nclip = ['0,0,1,-1000']\n",

@@ -1,4 +1,4 @@
-//! Files of `--ablate`.
+//! Output files of `compare --ablate`.
 
 use super::run;
 use crate::common;
@@ -20,7 +20,7 @@ fn every_omission_is_forced_back_on() {
         "--depths=20",
         "--repeats=2",
         "--ablate",
-        // So that there are tiles beside it.
+        // Zoomed out, so that some tiles show only background.
         "--zoom=0.6",
         "--methods",
         methods,

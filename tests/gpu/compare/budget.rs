@@ -1,4 +1,4 @@
-//! Searches within budgets: planted errors, bytes and times must decide, and the command must say what it chose.
+//! Search for settings within budgets: planted errors, bytes and times decide, and the command reports its choice.
 
 use super::planted::{EXTINCTION, compared_within, haze, scene};
 use super::{TF, read_csv};
@@ -19,11 +19,12 @@ use umbravox::shadow::{
     BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value, parse, parse_list,
 };
 
-/// Levels of bytes and of build times.
+/// Bytes that each level of the planted method adds, and its build time.
 const LEVEL_BYTES: u64 = 1000;
 const LEVEL_MS: f64 = 400.0;
 
-/// A real method that at each level takes more memory and time and is closer: a map of less and less too much extinction.
+/// Planted shadow method: each level takes more memory and time and has a smaller error, a smaller excess of
+/// extinction.
 static LEVELS: Entry = Entry {
     name: "levels",
     summary: "planted",
@@ -84,7 +85,7 @@ fn planted_bytes_and_times_decide_and_the_closest_is_chosen() {
     let rows = result.rows();
     let said: Vec<_> = rows.iter().map(|r| (&*r.method, r.tuned, &*r.tuned_for)).collect();
     let [bytes, ms] = ["bytes=3001", "ms=1500"].map(|b| format!("{b} point_err_rms; {b} image_rmse"));
-    // What was asked for anyway is no second row.
+    // A tuned method that was also requested is no second row.
     assert_eq!(
         said,
         [("none", Some(false), ""), ("levels", Some(true), &*bytes), ("levels", Some(true), &*ms)]
@@ -127,7 +128,7 @@ fn impossible_budgets_are_reported() {
     assert!(!result.trials.is_empty());
 }
 
-/// A table of other columns than the great one's.
+/// Reads a CSV table with other columns than `compare.csv`.
 fn read_any(path: &std::path::Path) -> Vec<HashMap<String, String>> {
     csv::Reader::from_path(path).unwrap().deserialize().map(|row| row.unwrap()).collect()
 }
@@ -189,7 +190,7 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
     settings.sort_unstable();
     settings.dedup();
     assert!(trials.len() > 10 && settings.len() == trials.len(), "each setting once");
-    // Nothing that was tried is closer within the budget than what was chosen.
+    // No other trial within the budget has a smaller error than the chosen one.
     let number = |row: &HashMap<String, String>, column: &str| row[column].parse::<f64>().ok();
     for (budget, most) in [("bytes=64KiB", 65536.0), ("bytes=256KiB", 262_144.0)] {
         for by in ["point_err_rms", "image_rmse"] {
@@ -206,7 +207,7 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
         "it stores nothing"
     );
 
-    // Going on: no trial is made again, and the same settings are chosen.
+    // Resuming repeats no trial, and chooses the same settings.
     let journal = std::fs::read(out.join(JOURNAL)).unwrap();
     let (before, answers) =
         (std::fs::read(out.join("trials.csv")).unwrap(), std::fs::read(out.join("budgets.csv")).unwrap());
@@ -245,7 +246,7 @@ fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
     assert!(run.again.contains("--budget bytes=64KiB"), "{}", run.again);
     assert!(files("one").iter().all(|name| run.files.contains(name)), "{:?}", files("one"));
 
-    // Gone on with: with the budget, or more of them, and not without.
+    // A table can be resumed with the same budget or more budgets, but not without.
     let (code, stderr) = status(&["-o", "one", "--methods=none;osm:map=64", "--resume"]);
     assert!(code == Some(2) && stderr.contains("tuned within bytes=64KiB"), "{stderr}");
     let (code, stderr) = tuned("one", "none;osm:map=64", &["--budget=bytes=32KiB", "--resume"]);
@@ -253,7 +254,7 @@ fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
     let run = Run::read(&folder.join("one")).unwrap().unwrap();
     assert!(files("one").iter().all(|name| run.files.contains(name)), "{:?}", files("one"));
 
-    // Methods tuned apart are one table with answers of both; other budgets are none of it.
+    // Methods tuned in separate runs merge into one table; other budgets do not.
     assert_eq!(tuned("two", "dom:layers=2,map=64", &["--budget=bytes=32KiB"]).0, Some(0));
     let merged = |parts: &[&str], out| umbravox(folder, &[&["merge"], parts, &["-o", out]].concat());
     let output = merged(&["one", "two"], "all");
@@ -269,7 +270,7 @@ fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
     let stderr = String::from_utf8(merged(&["one", "three"], "no").stderr).unwrap();
     assert!(stderr.contains("it is tuned within bytes=64KiB, not bytes=64KiB, bytes=32KiB"), "{stderr}");
 
-    // As if the first run had ended before it recorded what it chose: its pictures go with the table all the same.
+    // As if the first run had ended before it recorded its choice: its pictures still belong to the table.
     let mut run = Run::read(&folder.join("one")).unwrap().unwrap();
     run.rows.retain(|r| !r.chosen);
     run.files = run.file_names();

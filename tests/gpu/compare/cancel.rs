@@ -1,4 +1,4 @@
-//! Tables that are watched, and ended on request.
+//! Comparison tables whose progress is reported, and that are cancelled.
 
 use crate::common;
 use std::path::Path;
@@ -22,14 +22,14 @@ use umbravox::shadow::parse_list;
 
 const METHODS: &str = "none;rays;dsm:map=64,epsilon=0.06,0.02";
 
-/// When to end a table.
+/// Step at which a test cancels the comparison.
 enum End {
     Never,
     /// Cancels when a step of one kind starts for the n-th time.
     At(StepKind, usize),
 }
 
-/// Hears everything.
+/// Listener that records all progress of a comparison.
 struct Listener {
     end: End,
     steps: Vec<(StepKind, String, f32)>,
@@ -62,7 +62,7 @@ impl Watch for &mut Listener {
     }
 }
 
-/// Makes the table into `folder`, going on with what is there.
+/// Measures the comparison table into `folder`, and resumes a table that is there.
 fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> {
     let volume = Arc::new(load(&VolumeSpec::new("phantom:sphere:24")).unwrap());
     let tf = presets::resolve("uniform", &volume).unwrap().tf;
@@ -93,7 +93,7 @@ fn files(folder: &Path) -> Vec<String> {
     names.collect()
 }
 
-/// All of a row but its times.
+/// Table row without its times.
 fn figures(row: &Row) -> Row {
     Row {
         build_ms: None,
@@ -126,7 +126,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     let mut listener = Listener::new(End::Never);
     let expected = made(whole.path(), 2, &mut listener).unwrap().comparison.rows();
     assert_eq!(expected.len(), 4);
-    // Of each stage and method it is heard, and how far it is.
+    // Progress reports name each stage and method, and the share that is done.
     let methods: Vec<_> = parse_list(METHODS).unwrap().iter().map(|m| name_of(m.as_ref())).collect();
     for method in &methods {
         for (stage, times) in [(StepKind::Draw, 1), (StepKind::Errors, 1), (StepKind::Run, 3)] {
@@ -136,7 +136,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     }
     let shares: Vec<f32> = listener.steps.iter().map(|(.., share)| *share).collect();
     assert!(shares[0] == 0.0 && shares.windows(2).all(|w| w[0] < w[1]) && shares[shares.len() - 1] < 1.0);
-    // Rows come with their errors, and again with the times of every round.
+    // Rows are reported with their errors, and again with the times of every round.
     for (place, row) in expected.iter().enumerate() {
         let told: Vec<&Row> = listener.rows.iter().filter(|(p, _)| *p == place).map(|(_, r)| r).collect();
         assert_eq!(told.iter().map(|r| r.repeats).collect::<Vec<_>>(), [None, Some(1), Some(2)]);
@@ -144,7 +144,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
         assert_eq!((row.note.as_str(), row.has_failed()), ("measured by a test", false));
     }
 
-    // Ended while the third method is drawn: two rows are kept, and nothing else is written.
+    // Cancelled while the third method is drawn: two rows are recorded, and nothing else is written.
     let dir = tempfile::tempdir().unwrap();
     let mut listener = Listener::new(End::At(StepKind::Draw, 3));
     let e = made(dir.path(), 2, &mut listener).err().unwrap();
@@ -158,7 +158,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     let pictures = ["picture_none.exr", "picture_none.png", "picture_rays.exr", "picture_rays.png"];
     assert_eq!(left, [&[JOURNAL][..], &pictures[..]].concat());
 
-    // Ended again among the timed rounds: those that are whole are kept.
+    // Cancelled again in the timed rounds: complete rounds are recorded.
     let mut listener = Listener::new(End::At(StepKind::Run, 4 + 4 + 2));
     let e = made(dir.path(), 2, &mut listener).err().unwrap();
     assert!(e.is_cancelled() && e.place.contains("timing"), "{e}");
@@ -167,7 +167,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     assert!(journal(dir.path()).starts_with(&kept) && journal(dir.path()).lines().count() == 4 + 4);
     assert!(!dir.path().join("compare.csv").exists());
 
-    // Gone on with to the end.
+    // Resumed to the end.
     let mut listener = Listener::new(End::Never);
     let resumed = made(dir.path(), 2, &mut listener).unwrap();
     let rows = resumed.comparison.rows();

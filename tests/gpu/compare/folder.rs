@@ -1,4 +1,4 @@
-//! The folder of a table: nothing is lost in silence, and what is in it makes it again.
+//! Results folder of a comparison table: no file is lost silently, and its record reproduces the table.
 
 use super::{TF, read_csv};
 use crate::common;
@@ -9,7 +9,7 @@ use umbravox::report::run::{Run, SceneRecord};
 
 const EFFORT: [&str; 5] = ["--size=32x32", "--points=400", "--rays=40", "--depths=30", "--repeats=1"];
 
-/// Columns that do not depend on how fast the machine was.
+/// Columns that do not depend on the speed of the machine.
 const ERRORS: [&str; 12] = [
     "scene",
     "method",
@@ -29,7 +29,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
     std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// Runs a command that must succeed, and gives stderr.
+/// Runs a command that must succeed, and returns stderr.
 fn done(folder: &Path, args: &[&str]) -> String {
     let output = umbravox(folder, args);
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -74,7 +74,7 @@ fn a_used_folder_is_refused_and_overwriting_removes_its_table_alone() {
         refused(folder, &of(&["--methods=none", "--resume", "--overwrite"])).contains("cannot be used with")
     );
 
-    // A record that names files elsewhere removes none there.
+    // A record that names files outside the folder must not remove them.
     let mut run = run;
     run.files.extend(["../elsewhere.txt".into(), folder.join("elsewhere.txt").display().to_string()]);
     run.write(&out).unwrap();
@@ -84,7 +84,7 @@ fn a_used_folder_is_refused_and_overwriting_removes_its_table_alone() {
     assert!(second.contains("mine.txt") && folder.join("elsewhere.txt").is_file());
     assert!(second.contains("picture_osm-map-32-layers-4.png"), "{second:?}");
 
-    // A table that nobody recorded is not touched.
+    // A table without a record is not overwritten.
     std::fs::remove_file(out.join("run.json")).unwrap();
     for how in ["--overwrite", "--resume"] {
         let stderr = refused(folder, &of(&["--methods=none", how]));
@@ -121,7 +121,8 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
     assert!(page.contains(&run.again) && page.contains(run.scenes[0].volume_sha256.as_ref().unwrap()));
 
-    // Elsewhere, from the folder alone and the volume; a transfer function of the same name there is another.
+    // The table is reproduced elsewhere from its folder and the volume; a transfer function of the same name there is
+    // another one.
     std::fs::copy(folder.join("ball.nii"), away.path().join("ball.nii")).unwrap();
     std::fs::create_dir(away.path().join("out")).unwrap();
     for name in ["scene.toml", "transfer_function.json"] {
@@ -136,11 +137,11 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     assert_eq!(errors(&out.join("compare.csv")), errors(&again.join("compare.csv")));
     let pictures = |f: &Path| std::fs::read(f.join("picture_osm-map-32-layers-4.exr")).unwrap();
     assert_eq!(pictures(&out), pictures(&again));
-    // Both are known to be of one scene, wherever it was read from.
+    // Both records identify the same scene, wherever it was read from.
     let [first, second] = [&run, &Run::read(&again).unwrap().unwrap()].map(|run| run.scenes[0].clone());
     assert_eq!(second, SceneRecord { tf: second.tf.clone(), ..first });
 
-    // The picture says what it is of.
+    // The picture file records its scene.
     let reader = png::Decoder::new(std::io::BufReader::new(
         std::fs::File::open(out.join("picture_osm-map-32-layers-4.png")).unwrap(),
     ));
@@ -153,14 +154,14 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     assert_eq!(text("Description"), "osm:layers=4,map=32");
     assert!(text("Software").contains(env!("CARGO_PKG_VERSION")));
 
-    // Another volume under that name is said, and measured.
+    // Another volume under that name gives a warning, and is measured.
     done(away.path(), &["phantom", "slab:16", "-o", "ball.nii"]);
     let other = [&words[1..words.len() - 1], &["other".to_owned()]].concat();
     let stderr = done(away.path(), &other.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(stderr.contains("warning: ball.nii is not the file that was meant: its SHA-256"), "{stderr}");
 }
 
-/// Words of a command line as a shell has them; only single quotes occur.
+/// Splits a command line into words as a shell does; only single quotes occur.
 fn shell_words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quoted) = (Vec::new(), String::new(), false);
     for c in line.chars() {

@@ -1,4 +1,4 @@
-//! Scenes of several lights: rows of all together, and with `--each-light` of each alone.
+//! Comparison of scenes with several lights: rows for all together, and with `--each-light` for each alone.
 
 use super::{read_csv, run};
 use crate::common;
@@ -58,7 +58,7 @@ fn a_row_is_of_all_lights_and_each_light_has_its_own() {
         assert_eq!(all, first + second, "{column}");
     }
     for method in 0..3 {
-        // The points of all are shared out: their mean square lies between those of the two.
+        // The points of all lights are divided among them: their mean square lies between those of the two.
         let rms = [0, 3, 6].map(|scene| number(scene + method, "point_err_rms"));
         let (least, most) = (rms[1].min(rms[2]), rms[1].max(rms[2]));
         assert!((0.8 * least..=1.2 * most).contains(&rms[0]), "{rms:?}");

@@ -1,4 +1,4 @@
-//! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
+//! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measurements, with planted delays and errors.
 
 mod ablate;
 mod budget;
@@ -16,11 +16,11 @@ use std::collections::HashMap;
 use std::path::Path;
 use umbravox::measure::table::COLUMNS;
 
-/// Extinction that rises slowly with the value, and not at once to opaque.
+/// Transfer function (JSON) whose extinction rises slowly with the value.
 pub const TF: &str =
     r#"{"name": "haze", "points": [{"value": 200, "extinction": 0}, {"value": 1000, "extinction": 0.1}]}"#;
 
-/// Runs in `folder` and gives stdout.
+/// Runs a command in `folder` and returns stdout.
 fn run(folder: &Path, args: &[&str]) -> String {
     std::fs::write(folder.join("tf.json"), TF).unwrap();
     let output = umbravox(folder, args);

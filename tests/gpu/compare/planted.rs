@@ -1,4 +1,4 @@
-//! A method with a known delay and a known error, measured like any other: both must come out.
+//! A shadow method with a known delay and a known error is measured like any other: both show in the table.
 
 use crate::common;
 use std::sync::Arc;
@@ -21,20 +21,20 @@ use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::Volume;
 
 const DELAY_MS: f64 = 250.0;
-/// First builds: the one that errors are measured on, and the warm-up.
+/// Delay of the first builds, ms: the build that errors are measured on, and the warm-up.
 const FIRST_DELAY_MS: f64 = 4000.0;
 const FIRST_BUILDS: usize = 2;
 
-/// Fault of a planted method.
+/// Fault of a planted shadow method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
-    /// It builds late, and a map of twice the extinction: every transmittance is squared.
+    /// Delayed build of a map with twice the extinction: every transmittance is squared.
     LateAndDark,
-    /// Builds fail from this one on.
+    /// All builds fail from this one on.
     FailsFrom(usize),
 }
 
-/// A real method with a fault.
+/// Real shadow method with a planted fault.
 #[derive(Debug)]
 struct Planted {
     inner: Box<dyn Method>,
@@ -85,7 +85,7 @@ impl Method for Planted {
     }
 }
 
-/// 1/mm, everywhere.
+/// Constant extinction of the test volume, 1/mm.
 pub const EXTINCTION: f64 = 0.05;
 
 pub fn haze(extinction: f64) -> TransferFunction {
@@ -137,7 +137,7 @@ fn a_planted_delay_and_a_planted_error_come_out() {
     assert!(result.failures.is_empty());
     let [real, planted] = [0, 1].map(|i| &result.compared[i].row);
 
-    // The delay: of what counts, and no more of it than was planted.
+    // The planted delay shows in the times that count, and no other one.
     let build_min = planted.build_ms_min.unwrap();
     let added = build_min - real.build_ms_min.unwrap();
     assert!(build_min >= DELAY_MS && added < 6.0 * DELAY_MS, "{build_min} ms, {added} ms more");
@@ -147,14 +147,14 @@ fn a_planted_delay_and_a_planted_error_come_out() {
     assert!(planted.build_first_ms.unwrap() >= FIRST_DELAY_MS);
     assert!(planted.fps_moving.unwrap() <= 1000.0 / DELAY_MS && planted.repeats == Some(5));
 
-    // The error on rays: T^2 - T is farthest from 0 where T is a half.
+    // The planted error on rays: T^2 - T is farthest from 0 where T is a half.
     let ray_err = planted.ray_err_max.unwrap();
     assert!((ray_err - 0.25).abs() < 0.01, "{ray_err}");
     assert!(real.ray_err_max.unwrap() < 0.01);
     assert_eq!((real.bound_held, planted.bound_held), (Some(true), Some(false)));
     assert!(result.notes.iter().any(|n| n.starts_with("planted") && n.contains("bound does not hold")));
 
-    // The error at seen points: by the exact field, at points of another seed.
+    // The planted error at visible points: by the exact field, at points of another seed.
     let tf = haze(EXTINCTION);
     let field = ExactField::new(&volume, &tf);
     let (mut weight, mut sum, mut squares) = (0.0, 0.0, 0.0);
@@ -191,7 +191,7 @@ fn planted_failures_are_rows_that_say_why() {
     ];
     assert_eq!(status, expected);
     assert!(result.compared[0].picture.is_none() && rows[0].point_err_rms.is_none());
-    // What was measured before the failure stays.
+    // Values measured before the failure remain in the row.
     assert!(rows[2].point_err_rms.is_some() && rows[2].frame_ms.is_none() && rows[3].frame_ms.is_some());
     assert_eq!(result.failures.len(), 2);
 }

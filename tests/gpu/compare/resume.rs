@@ -1,4 +1,4 @@
-//! Tables that were interrupted.
+//! Resuming of comparison tables that were interrupted.
 
 use super::{TF, read_csv};
 use crate::common;
@@ -24,14 +24,14 @@ fn command(folder: &Path, extra: &[&str]) -> Command {
     command
 }
 
-/// Lines of the journal that are whole and of a kind.
+/// Complete lines of one kind in the journal of a comparison.
 fn lines(folder: &Path, kind: &str) -> Vec<String> {
     let text = std::fs::read_to_string(folder.join("out").join(JOURNAL)).unwrap_or_default();
     let whole = text.split_inclusive('\n').filter(|l| l.ends_with('\n'));
     whole.filter(|l| l.starts_with(&format!("{{\"kind\":\"{kind}\""))).map(str::to_owned).collect()
 }
 
-/// Starts a table and kills it when the journal has so many lines of a kind.
+/// Starts a comparison and kills it when its journal has `count` lines of a kind.
 fn interrupt(folder: &Path, extra: &[&str], kind: &str, count: usize) {
     std::fs::write(folder.join("tf.json"), TF).unwrap();
     let mut child = command(folder, extra).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -72,7 +72,7 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
     let out = folder.join("out");
     assert!(!out.join("compare.csv").exists() && out.join("picture_none.png").is_file());
     let drawn = std::fs::metadata(out.join("picture_none.exr")).unwrap().modified().unwrap();
-    // What an interruption in the middle of a line leaves.
+    // An incomplete last line, as an interruption leaves it.
     let journal = bytes(out.join(JOURNAL));
     std::fs::write(out.join(JOURNAL), [&journal[..], b"{\"kind\":\"row\",\"key\":\"12"].concat()).unwrap();
 
@@ -98,7 +98,7 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
         assert!(out.join(file).is_file(), "{file}");
     }
 
-    // A table that is whole is made from the journal alone, but for other settings.
+    // A complete table is written from the journal alone, unless settings differ.
     let (table, journal) = (bytes(out.join("compare.csv")), bytes(out.join(JOURNAL)));
     resume(folder, &extra);
     assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table.clone(), journal.clone()));
@@ -115,7 +115,7 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(2) && stderr.contains("rays is among its rows"), "{stderr}");
     assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table, journal));
-    // More methods go on with it.
+    // A list with more methods resumes the table.
     let more = format!("{METHODS};dom:map=64");
     let order = [&extra[..4], &["--methods", more.as_str()]].concat();
     resume(folder, &order);
@@ -141,7 +141,7 @@ fn rounds_go_on_where_they_stopped_and_the_row_says_so() {
         assert_eq!((row["repeats"].as_str(), row["status"].as_str()), ("300", "ok"));
         assert!(row["note"].contains("its 300 timed rounds are from 2 runs"), "{}", row["note"]);
     }
-    // Started anew, it forgets.
+    // A new start discards the journal.
     let output = command(folder, &[&extra[..3], &["--repeats=1", "--methods=none", "--overwrite"]].concat())
         .output()
         .unwrap();

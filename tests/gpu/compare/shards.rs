@@ -1,4 +1,4 @@
-//! Sweeps that are cut over jobs, and put together again.
+//! Comparisons that are split into jobs, and merged again.
 
 use super::{TF, read_csv};
 use crate::common;
@@ -39,7 +39,7 @@ fn sweep<'a>(folder: &Path, out: &'a str, more: &[&'a str]) -> String {
     done(folder, &[&args[..], &EFFORT, more].concat())
 }
 
-/// Columns that do not depend on the speed of the machine.
+/// Table columns that do not depend on the speed of the machine.
 fn errors(table: &Path) -> Vec<String> {
     let of = |row: &HashMap<String, String>| {
         ["scene", "method", "params", "point_err_rms", "ray_err_max", "image_rmse", "bound_held"]
@@ -64,7 +64,7 @@ fn shards_put_together_are_the_whole_table() {
     let parts = ["part1", "part2", "part3"];
     let counts = parts.map(|p| read_csv(&folder.join(p).join("compare.csv")).len());
     assert_eq!(counts, [3, 3, 2]);
-    // Given in any order.
+    // Parts may be given in any order.
     done(folder, &["merge", "part3", "part1", "part2", "-o", "all"]);
     let (whole, all) = (folder.join("whole"), folder.join("all"));
     assert_eq!(errors(&whole.join("compare.csv")), errors(&all.join("compare.csv")));
@@ -86,7 +86,7 @@ fn shards_put_together_are_the_whole_table() {
         same(name);
     }
     names(&whole).iter().filter(|n| n.starts_with("nodes_") || n.ends_with(".toml")).for_each(|n| same(n));
-    // A front is of all rows of a scene, not of a part's.
+    // The Pareto front is of all rows of a scene, not of one part.
     let rows = read_csv(&all.join("compare.csv"));
     let better = |a: &HashMap<String, String>, b: &HashMap<String, String>, c: &str, up: bool| {
         let [a, b] = [a, b].map(|r| r[c].parse::<f64>().unwrap_or(f64::NAN));
@@ -101,7 +101,7 @@ fn shards_put_together_are_the_whole_table() {
     let report = std::fs::read_to_string(all.join("report.html")).unwrap();
     assert_eq!(report.matches("<tr><th scope=\"row\"").count(), 8);
 
-    // What is missing, twice there, unfinished, or of another sweep is refused.
+    // Missing, repeated or unfinished parts, and parts of another sweep, are refused.
     let stderr = refused(folder, &["merge", "part1", "part3", "-o", "no"]);
     assert!(stderr.contains("3 of 8 rows are in none of them") && stderr.contains("--partial"), "{stderr}");
     assert!(!folder.join("no").exists());
@@ -123,7 +123,7 @@ fn shards_put_together_are_the_whole_table() {
     assert!(stderr.contains("its scene ball differs: light = ") && stderr.contains("other"), "{stderr}");
 }
 
-/// Makes of a folder what it would be, had it been measured elsewhere.
+/// Changes the record of a results folder as if it had been measured on another machine.
 fn moved_to(folder: &Path, adapter: &str, revision: Option<&str>) {
     let mut run = Run::read(folder).unwrap().unwrap();
     let table = std::fs::read_to_string(folder.join("compare.csv")).unwrap();

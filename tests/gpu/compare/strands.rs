@@ -1,4 +1,4 @@
-//! Errors against the strands themselves: where their truth is known, and where there is none.
+//! Errors against the strands' cylinders: cases with known results, and cases without a reference.
 
 use super::{TF, read_csv};
 use crate::common;
@@ -24,7 +24,7 @@ fn error(row: &HashMap<String, String>) -> f64 {
     row["strand_err_rms"].parse().unwrap()
 }
 
-/// One thick opaque strand across the light: a beam that starts in front of its axis is all lit, behind it not at all.
+/// One thick opaque strand across the light: points in front of its axis are fully lit, points behind it not at all.
 #[test]
 fn a_strand_whose_shadow_is_known() {
     if !common::has_adapter() {
@@ -48,10 +48,10 @@ fn a_strand_whose_shadow_is_known() {
             ["--resolution=100", "--light=dir:0,0,1", &eye, "--target=0,0,0", "--up=0,1,0", "--size=31x31"];
         compare(dir.path(), "one.hair", &scene).0
     };
-    // Its lit side: all beams are lit, and so is everything with `none`.
+    // Lit side of the strand: all beams are lit, and so is everything with `none`.
     let rows = seen_from("60");
     assert!(error(&rows[0]) < 0.1, "{}", error(&rows[0]));
-    // Its dark side: no beam is lit; `none` is wrong by all of the light, `rays` by next to nothing.
+    // Dark side of the strand: no beam is lit; `none` is wrong by all of the light, `rays` by next to nothing.
     let [none, rays] = <[_; 2]>::try_from(seen_from("-60")).unwrap();
     assert!(error(&none) > 0.9 && error(&rays) < 0.1, "{}, {}", error(&none), error(&rays));
 }
@@ -75,7 +75,7 @@ fn curls_are_measured_against_their_cylinders() {
         "against the voxels it is nearly exact"
     );
 
-    // Where there is no truth the column is empty and a note says why.
+    // Without a reference the column is empty, and a note gives the reason.
     let (rows, stderr) = compare(
         dir.path(),
         "phantom:hair-curly:20000",
@@ -94,7 +94,8 @@ fn curls_are_measured_against_their_cylinders() {
     assert!(rows[0]["strand_err_rms"].is_empty() && !stderr.contains("strand_err_rms"), "{stderr}");
 }
 
-/// Drawn straight into the map, curls cast the shadows of their cylinders more closely than by way of voxels.
+/// Curls rasterised directly into the map cast shadows closer to those of their cylinders than curls that are
+/// voxelised.
 #[test]
 fn curls_drawn_into_maps_are_closer_to_their_cylinders() {
     if !common::has_adapter() {

@@ -1,4 +1,4 @@
-//! The files that a table is.
+//! Output files of a comparison table.
 
 use super::{TF, read_csv, run};
 use crate::common;
@@ -40,7 +40,7 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
         assert!(number(i, "frame_ms") > 0.0 && number(i, "fps_moving") > 0.0);
         assert!(number(i, "image_rmse") < 0.2);
         assert!((0.5..=1.0).contains(&number(i, "image_ssim")));
-        // The methods' pictures are not judged finer than the exact one is.
+        // The methods' pictures must not have a smaller error than the exact picture itself.
         assert!(number(i, "image_exact_err") < 1e-4);
         assert!(number(i, "point_err_mean_signed").abs() <= number(i, "point_err_rms"));
         assert!(number(i, "bricks_ms") > 0.0 && number(i, "tables_ms") > 0.0);
@@ -52,7 +52,7 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
         assert_eq!(row["version"], env!("CARGO_PKG_VERSION"));
         assert!(number(i, "point_err_rms") <= number(i, "point_err_max"));
     }
-    // What promises something keeps it; what promises nothing says so.
+    // Methods with an error bound satisfy it; others report none.
     let held: Vec<_> = rows.iter().map(|r| r["bound_held"].as_str()).collect();
     assert_eq!(held, ["", "true", "true", "true", "true"]);
     assert_eq!((rows[0]["bound"].as_str(), rows[0]["bytes"].as_str()), ("", "0"));
@@ -113,7 +113,7 @@ fn a_map_that_no_sample_needs_is_not_built() {
     let dir = tempfile::tempdir().unwrap();
     run(dir.path(), &[&TINY[..11], &["--methods", "dsm:map=64", "--ambient=1"]].concat());
     let rows = read_csv(&dir.path().join("out/compare.csv"));
-    // The light space alone.
+    // Without a shadow map only the light space is built.
     assert!(rows[0]["build_ms"].parse::<f64>().unwrap() < 5.0 && rows[0]["bytes"] == "0", "{:?}", rows[0]);
     assert_eq!((rows[0]["point_err_rms"].as_str(), rows[0]["bound_held"].as_str()), ("", ""));
     assert!(rows[0]["left_out"].contains("shadow map (ambient 1)"), "{}", rows[0]["left_out"]);
@@ -160,10 +160,10 @@ fn scenes_share_a_table_and_flags_win_over_each() {
     assert_eq!(named, expected);
     for row in &rows {
         assert_eq!((row["width"].as_str(), row["height"].as_str()), ("32", "24"), "--size wins over both");
-        // What only the file says holds for its scene alone.
+        // A setting of one scene file applies to its scene alone.
         assert_eq!(row["left_out"].contains("ambient 1"), row["scene"] == "wall", "{}", row["left_out"]);
     }
-    // A front a scene: without errors of its own the wall has none.
+    // Each scene has its own Pareto front: without errors the wall has none.
     let on_front = |scene: &str| rows.iter().filter(|r| r["scene"] == scene && r["pareto"] == "true").count();
     assert!(on_front("ball") > 0 && on_front("wall") == 0);
     for scene in ["ball", "wall"] {

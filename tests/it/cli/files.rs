@@ -1,4 +1,4 @@
-//! Files that the command line names: transfer functions, scenes, rays, outputs.
+//! Files named on the command line: transfer functions, scenes, rays, outputs.
 
 use crate::program::{refused, umbravox};
 use std::fs;
@@ -110,7 +110,7 @@ fn rays_are_answered_in_order_and_bad_ones_refused_by_line() {
     assert!((numbers[0] - 2.0 * std::f64::consts::LN_2).abs() < 1e-12 && (numbers[1] - 0.25).abs() < 1e-12);
     assert_eq!(numbers[2..], [0.0, 1.0]);
 
-    // A first line that says what the columns are, where it is asked for.
+    // With --header the first line names the columns.
     let output = umbravox(dir.path(), &[&run[..], &["--header"]].concat());
     let headed = String::from_utf8(output.stdout).unwrap();
     assert_eq!(headed, format!("# optical_depth transmittance\n{text}"));
@@ -170,7 +170,7 @@ fn an_interrupted_write_leaves_nothing() {
         .current_dir(dir.path())
         .spawn()
         .unwrap();
-    // The file that is written, and not the one by which the folder was tried.
+    // Waits for the final file, not the one that only tests whether the folder can be written.
     let mut before = names();
     while before.is_empty() || before != names() {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it could be interrupted");
@@ -178,7 +178,7 @@ fn an_interrupted_write_leaves_nothing() {
         std::thread::sleep(Duration::from_millis(20));
     }
     crate::program::signal(&child, "TERM");
-    // By a signal, so that a shell ends its loop too.
+    // The program ends by a signal, so that a shell ends its loop, too.
     assert_eq!(child.wait().unwrap().signal(), Some(2));
     assert_eq!(names(), [""; 0]);
 }

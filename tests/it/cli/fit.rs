@@ -1,4 +1,5 @@
-//! `--downsample`: fewer voxels, where they were, said in numbers; what the machine cannot hold is refused before it is read.
+//! `--downsample`: fewer voxels at the right places, with a note in numbers. A volume too large for the machine is
+//! refused before it is read.
 
 use crate::program::{refused, umbravox};
 use std::fs::File;
@@ -6,7 +7,7 @@ use std::path::Path;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::volume::Volume;
 
-/// Runs a command line that must do; what it said and printed.
+/// Runs a command line that must succeed, and returns its stderr and stdout.
 fn done(folder: &Path, args: &[&str]) -> String {
     let output = umbravox(folder, args);
     let said = String::from_utf8([output.stderr, output.stdout].concat()).unwrap();
@@ -26,7 +27,7 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
         done(at, &["convert", "phantom:thorax:50", "-o", name]);
         let said = done(at, &["convert", name, "--downsample=2x3x1", "-o", "streamed.nii"]);
         assert!(said.contains("reduced by 2x3x1 from 50 x 37 x 25 to 25 x 13 x 25"), "{name}: {said}");
-        // A part has to be there before it is reduced.
+        // A cropped part must be read before it is downsampled.
         let said = done(at, &["convert", name, "--crop", "0:49,,", "--downsample=2x3x1", "-o", "after.nii"]);
         assert!(said.contains("reduced by 2x3x1"), "{name}: {said}");
         let [streamed, after] = ["streamed.nii", "after.nii"].map(|name| read(at, name));
@@ -38,7 +39,7 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
     }
     let said = done(at, &["info", "whole.nrrd", "--downsample=20kB"]);
     assert!(said.contains("reduced by 2x2x2 from 50 x 37 x 25 to 25 x 19 x 13"), "{said}");
-    // What fits is left alone, and so nothing is said.
+    // A volume that fits is not changed, and there is no note.
     assert!(!done(at, &["info", "whole.nrrd", "--downsample"]).contains("reduced"));
     assert!(refused(at, &["info", "whole.nrrd", "--downsample=2x2"]).contains("--downsample"));
     assert!(
@@ -54,7 +55,7 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
 fn more_than_the_machine_has_is_refused_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = File::create(folder.path().join("huge.raw")).unwrap();
-    // A file of holes; where files cannot be as long there is nothing to try.
+    // A sparse file; if the file system allows no such length, the test ends.
     if file.set_len(1 << 40).is_err() {
         return crate::common::skip("the file system has no files of a tebibyte");
     }

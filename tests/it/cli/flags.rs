@@ -1,4 +1,4 @@
-//! The command line itself: help, flags, values.
+//! Command line: help, flags and their values.
 
 use crate::program::{refused, umbravox};
 

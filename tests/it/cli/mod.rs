@@ -1,4 +1,4 @@
-//! Commands, run as a user runs them.
+//! Tests of commands, run as a user runs them.
 
 mod files;
 mod fit;

@@ -1,4 +1,4 @@
-//! Strands on the command line: written, voxelised, read wherever a volume is.
+//! Strands on the command line: they are written, voxelised, and read wherever a volume is accepted.
 
 use crate::program::{refused, umbravox};
 use serde_json::Value;
@@ -90,7 +90,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
     let tck = umbravox(dir.path(), &["info", &fixture("big.tck"), "--thickness=1", "--resolution=9"]);
     let text = String::from_utf8(tck.stdout).unwrap();
     assert!(text.contains("1 lines of fewer than two points"), "{text}");
-    // Every ending is named wherever strands may be.
+    // The help lists every file extension of strands.
     for (command, from) in
         [("render", "[VOLUME]"), ("render", "--strands"), ("info", "<VOLUME>"), ("voxelise", "<STRANDS>")]
     {
@@ -132,7 +132,7 @@ fn strands_are_drawn_in_a_volume_and_written_to_the_scene_file() {
     let [with, without, scene] =
         ["with", "without", "scene"].map(|n| fs::read(here.join(format!("{n}.npy"))).unwrap());
     assert!(with == scene && with != without);
-    // A table's scene file has them, too.
+    // The scene file of a table records the strand flags, too.
     let table = [
         "compare",
         "phantom:thorax:24",

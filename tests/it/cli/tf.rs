@@ -1,4 +1,4 @@
-//! `tf list`, `tf export` and `tf convert`; other programs' files, units and opacity on the command line.
+//! `tf list`, `tf export` and `tf convert`, and transfer-function files of other programs on the command line.
 
 use crate::common;
 use crate::program::{refused, umbravox};
@@ -11,7 +11,7 @@ const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n6 -100 0 300 0.25 900 1\n4 0 0.5 255 
 const PARAVIEW: &str = r#"[{"ColorSpace": "Lab", "Name": "Bones",
     "Points": [-100, 0, 0.5, 0, 300, 0.25, 0.5, 0, 900, 1, 0.5, 0], "RGBPoints": [-100, 0, 0, 0, 900, 1, 1, 1]}]"#;
 
-/// Runs what must work; gives stdout and stderr.
+/// Runs a command line that must succeed, and returns stdout and stderr.
 fn done(folder: &Path, args: &[&str]) -> (String, String) {
     let output = umbravox(folder, args);
     let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
@@ -19,7 +19,7 @@ fn done(folder: &Path, args: &[&str]) -> (String, String) {
     (out, err)
 }
 
-/// Optical depths of one ray across a volume.
+/// Optical depth of one ray across a volume, by `umbravox probe`.
 fn depth(folder: &Path, args: &[&str]) -> (f64, String) {
     fs::write(folder.join("rays.txt"), "-500 1 2 500 2 1\n").unwrap();
     let (out, err) = done(folder, &[&["probe"], args, &["--rays", "rays.txt"]].concat());
@@ -42,7 +42,7 @@ fn presets_are_listed_and_exported() {
         assert_eq!((out.as_str(), err.as_str()), ("", ""));
         assert_eq!(TransferFunction::read(&path).unwrap(), preset.transfer_function());
     }
-    // A preset and its file are one thing on every volume, in HU, in fractions, of strands.
+    // A preset and its exported file are equal on every volume: in HU, in fractions, of strands.
     for (volume, preset) in
         [("phantom:thorax:16", "bone"), ("phantom:thorax:16", "engine"), ("phantom:thorax:16", "uniform")]
     {
@@ -65,7 +65,7 @@ fn files_of_other_programs_are_converted_and_reported() {
     assert!(err.lines().all(|l| l.starts_with("warning: ")) && err.contains("gradient opacity"), "{err}");
     let own = TransferFunction::read(&dir.path().join("a.json")).unwrap();
     assert!((own.amount(100.0) - 0.125).abs() < 1e-9 && own.name == "a");
-    // The file itself is the same function wherever a transfer function is taken, and says the same.
+    // The foreign file itself gives the same function and the same warnings.
     let converted = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.json"]);
     let (itself, said) = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.vp"]);
     assert!(itself > 0.0 && itself == converted.0, "{itself} {}", converted.0);
@@ -121,7 +121,7 @@ fn opacity_scale_is_a_factor_of_optical_depth() {
             let args = ["phantom:thorax:16", "--tf", tf, "--opacity-scale", &scale];
             let (scaled, _) = depth(dir.path(), &args);
             assert!((scaled / one / factor - 1.0).abs() < 1e-12, "{tf} {factor}: {scaled} {one}");
-            // As a key of a scene file, too.
+            // The flag also works as a key of a scene file.
             let text =
                 format!("volume = 'phantom:thorax:16'\ntf = '{tf}'\nopacity-scale = {factor}\nunits = 'hu'");
             fs::write(dir.path().join("s.toml"), text).unwrap();
@@ -199,7 +199,7 @@ fn real_scans_are_taken_for_what_they_are() {
             json["units"] == units && json["units_why"].as_str().unwrap().contains(said),
             "{name}: {json}"
         );
-        // None is far from the size of a body.
+        // These volumes are near the size of a body.
         let (_, err) = depth(dir.path(), &[path]);
         assert!(!err.contains("times as high"), "{name}: {err}");
     }

@@ -1,4 +1,4 @@
-//! Against sums over many samples, and against an independent implementation.
+//! Float64 reference against sums over many samples, and against an independent implementation.
 
 use super::*;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use umbravox::exact::ExactField;
 use umbravox::transfer::{ClipPlane, LabelRule, LabelVisibility};
 use umbravox::volume::Labels;
 
-/// Trilinear value at index coordinates, clamped at the edge; `None` outside the domain.
+/// Trilinear value of a volume at index coordinates, clamped at the edge; `None` outside the domain.
 fn value_at(volume: &Volume, p: DVec3) -> Option<f64> {
     let n = volume.dims();
     let mut near = [[(0, 0.0); 2]; 3];
@@ -47,8 +47,9 @@ fn midpoint_sums() {
     }
 }
 
-/// Optical depths of the rough volume under the oblique affine from a Python implementation (numpy; roots of each
-/// cell's cubic by companion matrix, 12-point Gauss-Legendre halved to 1e-13), rows as `transfer_functions()`.
+/// Optical depths of the rough volume under the oblique affine agree with a Python implementation (numpy; roots of
+/// each cell's cubic by companion matrix, 12-point Gauss-Legendre halved to 1e-13). Rows are those of
+/// `transfer_functions()`.
 #[test]
 fn independent_implementation() {
     let segments = [
@@ -110,7 +111,7 @@ fn independent_implementation() {
     }
 }
 
-/// Labels end half-way between voxels, and planes wherever they are: summed as they are defined, point by point.
+/// Labels, which end half-way between voxels, and clip planes agree with midpoint sums over many points.
 #[test]
 fn midpoint_sums_of_intervals() {
     const STEPS: usize = 40_000;

@@ -1,4 +1,5 @@
-//! Fields whose optical depth is known: trilinear interpolation is exact for `a + b i + ... + h i j k`.
+//! Float64 reference against fields of known optical depth: trilinear interpolation is exact for `a + b i + ... + h i
+//! j k`.
 
 use super::*;
 use umbravox::exact::ExactField;
@@ -28,7 +29,7 @@ fn slab() {
         // In the domain's face and edge, which belong to it.
         (at(-9.0, -0.5, 1.0), at(9.0, -0.5, 1.0), 4.0),
         (at(-9.0, 3.5, 4.5), at(9.0, 3.5, 4.5), 4.0),
-        // No length, a touched corner, beside, short of and away from the volume.
+        // Segments without length, at a touched corner, beside, short of and away from the volume.
         (at(2.0, 2.0, 2.0), at(2.0, 2.0, 2.0), 0.0),
         (at(-1.5, 0.5, 0.0), at(0.5, -1.5, 0.0), 0.0),
         (at(-9.0, 3.6, 1.0), at(9.0, 3.6, 1.0), 0.0),
@@ -43,7 +44,7 @@ fn slab() {
     assert_eq!(field.optical_depths(&segments), each);
     assert!(field.optical_depth(at(0.0, 0.0, 0.0), DVec3::NAN).is_nan());
     assert!(field.optical_depth(DVec3::INFINITY, at(0.0, 0.0, 0.0)).is_nan());
-    // From afar, from so far that positions round away (any finite answer will do), and hardly any length.
+    // Segments from afar, from so far that positions round away (any finite result will do), and of nearly no length.
     let across = |far: f64| field.optical_depth(DVec3::new(-far, 6.0, 16.0), DVec3::new(far, 6.0, 16.0));
     assert_close(across(1e6), 1.2, 1e-9);
     assert!(across(1e30).is_finite() && across(1e300).is_finite());
@@ -78,7 +79,7 @@ fn opacity_one_is_clamped() {
     let most = 24.0 * std::f64::consts::LN_2;
     let uniform = opacity(&[(0.0, 1.0)]);
     assert_close(along_x(&ExactField::new(&volume, &uniform), 1.0, 1.0), 5.0 * most, EXACT);
-    // Up to the clamp, a hair's breadth short of value 2; 2^-24 on from there; up again, down from 3.
+    // Up to the opacity limit just below value 2; at the limit 2^-24 from there; up again, down from 3.
     let peak = transfer(Quantity::Opacity, 2.0, &[(1.0, 0.0), (2.0, 1.0), (3.0, 1.0), (4.0, 0.0)]);
     let primitive = |q: f64| q * q.ln() - q;
     let flank = primitive(1.0 - MAX_OPACITY) - primitive(1.0) + (1.0 - MAX_OPACITY) * most;
@@ -121,7 +122,7 @@ fn comb_of_thin_peaks() {
     }
 }
 
-/// The interpolated squared radius lies between the true one and 3/4 (voxel squared) above it.
+/// The interpolated squared radius of a sphere is at most 3/4 (voxel squared) above the true one.
 #[test]
 fn sphere_chord() {
     let center = DVec3::new(20.2, 19.7, 20.4);
@@ -140,7 +141,7 @@ fn sphere_chord() {
     }
 }
 
-/// A plateau exactly at a jump's value: the later point holds from the value on.
+/// A plateau of values exactly at a jump of the transfer function: the later point holds from the value on.
 #[test]
 fn plateau_at_a_jump() {
     let tf = extinction(&[(0.0, 0.0), (0.0, 0.2)]);
@@ -152,7 +153,7 @@ fn plateau_at_a_jump() {
         DVec3::new(4.6, 2.9, 2.6).length(),
         EXACT,
     );
-    // Air, then a hollow: below the value only where the interpolation is.
+    // Air, then a hollow: the value is below only where it is interpolated.
     let hollow = volume([9, 5, 4], DAffine3::IDENTITY, |i, _, _| if i == 4.0 { -1.0 } else { 0.0 });
     assert_close(along_x(&ExactField::new(&hollow, &tf), 1.3, 2.1), 0.2 * 7.0, EXACT);
     // Rounding beside a plateau, where the value leaves it with the third power of the distance.

@@ -1,4 +1,4 @@
-//! Optical depth along a ray, its inverse and its jumps.
+//! Transmittance curve along a ray: optical depth, its inverse and its jumps.
 
 use super::*;
 use umbravox::exact::ExactField;
@@ -90,7 +90,7 @@ fn jumps_are_where_the_value_passes_a_point() {
     };
     check(jumps(-1.0, 9.0), &want);
     check(jumps(9.0, -1.0), &want.map(|t| 10.0 - t).into_iter().rev().collect::<Vec<_>>());
-    // From within to within: the segment's own ends are no jumps.
+    // A segment inside the volume: its own ends are no jumps.
     check(jumps(0.0, 5.5), &[1.25, 3.125, 4.0, 4.875]);
     check(jumps(0.0, 1.0), &[]);
     check(field.curve(DVec3::NAN, DVec3::ZERO).jumps(), &[]);

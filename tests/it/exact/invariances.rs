@@ -1,4 +1,4 @@
-//! Invariances of the exact reference, and changes with a known answer.
+//! Invariances of the float64 reference, and changes with a known result.
 
 use super::*;
 use umbravox::exact::ExactField;
@@ -9,7 +9,7 @@ fn random_segments(n: usize) -> Vec<(DVec3, DVec3)> {
     (0..n).map(|_| (in_box(&mut random, low, high), in_box(&mut random, low, high))).collect()
 }
 
-/// Tolerance for fields that are the same but for rounding of positions.
+/// Tolerance for results that differ only by the rounding of positions.
 const ROUNDED: f64 = 1e-10;
 
 #[test]
@@ -26,7 +26,7 @@ fn reversed_and_split() {
     }
 }
 
-/// Field stored along other axes and rotated in the world.
+/// A field stored along other axes and rotated in the world has the same optical depths.
 #[test]
 fn rotated_by_90_degrees() {
     let turn = DAffine3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::Z, DVec3::new(4.0, -2.0, 1.0));
@@ -47,7 +47,7 @@ fn rotated_by_90_degrees() {
     }
 }
 
-/// An affine changes a segment's optical depth as it changes its length.
+/// An affine changes the optical depth of a segment by the factor of its length.
 #[test]
 fn affines() {
     let shear = DAffine3::from_cols(
@@ -81,7 +81,7 @@ fn affines() {
     }
 }
 
-/// The stored type and scaling do not matter, only the scaled value.
+/// Stored type and scaling of a volume do not matter, only the scaled values.
 #[test]
 fn stored_types() {
     let values = rough_volume(DAffine3::IDENTITY);
@@ -103,7 +103,8 @@ fn stored_types() {
     }
 }
 
-/// Rays through corners and along faces and edges of cells: as if a hair beside them, and from either end.
+/// Rays through corners and along faces and edges of cells agree with rays slightly beside them, and with reversed
+/// rays.
 #[test]
 fn faces_edges_and_corners() {
     let volume = rough_volume(DAffine3::IDENTITY);
@@ -124,8 +125,7 @@ fn faces_edges_and_corners() {
     }
 }
 
-/// One bright voxel in empty space, wherever it lies in the grid of blocks that are leapt over, looks as it does
-/// alone.
+/// One bright voxel in empty space has the same optical depth wherever it lies among the skipped blocks.
 #[test]
 fn a_voxel_in_empty_space() {
     let tf = &transfer_functions()[1];

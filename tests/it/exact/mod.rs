@@ -1,4 +1,4 @@
-//! The float64 reference against closed forms, invariances, brute force and an independent implementation.
+//! Float64 reference against closed forms, invariances, brute force and an independent implementation.
 
 mod brute_force;
 mod closed_forms;
@@ -14,14 +14,14 @@ use ndarray::Array3;
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
-/// Relative error of the reference where a closed form is known: its promise of 1e-12 and some rounding.
+/// Allowed relative error of the float64 reference against closed forms: its error bound of 1e-12 and some rounding.
 const EXACT: f64 = 2e-12;
 
 fn volume_of(voxels: Voxels, scaling: Scaling, world_from_index: DAffine3) -> Volume {
     Volume::new(voxels, scaling, world_from_index, Provenance::new("test", "phantom", "test")).unwrap()
 }
 
-/// A volume of `f(i, j, k)`.
+/// Creates a volume with the values `f(i, j, k)`.
 fn volume([nx, ny, nz]: [usize; 3], affine: DAffine3, f: impl Fn(f64, f64, f64) -> f64) -> Volume {
     let values = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| f(i as f64, j as f64, k as f64));
     volume_of(Voxels::F64(values), Scaling::IDENTITY, affine)
@@ -48,7 +48,7 @@ fn in_box(random: &mut Rng, low: DVec3, high: DVec3) -> DVec3 {
     low + (high - low) * DVec3::new(random.f64(), random.f64(), random.f64())
 }
 
-/// A rough field of values 0 to 100 and transfer functions of every kind over it.
+/// Creates a rough field with values 0 to 100.
 fn rough_volume(affine: DAffine3) -> Volume {
     volume([9, 7, 6], affine, |i, j, k| (i * i * 7.0 + j * 13.0 * k + k * 29.0 + i * j * k * 3.0) % 101.0)
 }

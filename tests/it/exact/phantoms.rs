@@ -1,10 +1,10 @@
-//! The built-in volumes, whose answers are known.
+//! Float64 reference on the built-in volumes, whose optical depths are known.
 
 use super::*;
 use umbravox::exact::ExactField;
 use umbravox::phantom::Phantom;
 
-/// Half a voxel aside of a voxel's centre, so that values below are those of no one line of voxels.
+/// Offset from a voxel's centre, in voxels, so that a ray does not follow a single line of voxels.
 const ASIDE: f64 = 0.5;
 
 fn depth_along(phantom: Phantom, size: usize, tf: &TransferFunction, direction: DVec3) -> f64 {
@@ -51,7 +51,7 @@ fn comb() {
     }
 }
 
-/// Between the chords of the true surface and of the one that interpolation moves in.
+/// Optical depth of the sphere lies between those of the true surface and of the slightly smaller interpolated one.
 #[test]
 fn sphere_chord() {
     let size = 64;

@@ -1,4 +1,4 @@
-//! Visible points and pictures.
+//! Visible points and pictures of the float64 reference.
 
 use super::*;
 use std::f64::consts::PI;
@@ -19,7 +19,7 @@ fn scene(volume: &Volume) -> Scene {
     }
 }
 
-/// With the light at the eye, light and sight pass the same way: the integral of `exp(-2 tau) d tau`.
+/// With the light at the eye, light and eye rays coincide: the picture is the integral of `exp(-2 tau) d tau`.
 #[test]
 fn picture_lit_from_the_eye() {
     let volume = rough_volume(oblique());
@@ -43,7 +43,7 @@ fn picture_lit_from_the_eye() {
             seen += usize::from(t < 0.9);
         }
         assert!(seen > 40, "{seen}");
-        // Of every pixel: the picture is as near to its limit as it says, and one that is not shows.
+        // The picture is as close to its limit as it claims, for every pixel, and a picture that is not is detected.
         assert!(field.picture_change(&scene, &picture, 96) < 1e-4);
         let mut off = picture.clone();
         off[[3, 5, 1]] += 0.01;
@@ -51,7 +51,8 @@ fn picture_lit_from_the_eye() {
     }
 }
 
-/// A colour ramp over a linear field, seen along it, ambient light only: the mean of the value under `exp(-t)`.
+/// A colour ramp over a linear field, viewed along the field with ambient light: the mean of the value under
+/// `exp(-t)`.
 #[test]
 fn picture_of_a_color_ramp() {
     let volume = volume([11, 40, 40], DAffine3::from_translation(DVec3::new(0.0, -19.5, -19.5)), |i, _, _| i);
@@ -72,8 +73,7 @@ fn picture_of_a_color_ramp() {
     }
 }
 
-/// A linear field has one gradient, whatever the affine, and so a directional light one factor: shading is then a
-/// smaller share of the light.
+/// A linear field has one gradient, and thus one shading factor under a directional light, for any affine.
 #[test]
 fn shading_of_a_linear_field_is_one_factor() {
     let slope = DVec3::new(3.0, -2.0, 1.0);
@@ -97,7 +97,8 @@ fn shading_of_a_linear_field_is_one_factor() {
         {
             assert_close(field.shading_factor(middle, sight, &light, shading), factor, 1e-12);
         }
-        // The edge is clamped half a voxel wide: a pixel through the middle alone has the one factor nearly everywhere.
+        // The edge is clamped half a voxel wide: a pixel through the middle alone has the one factor nearly
+        // everywhere.
         let camera = Camera { target: middle, fov_deg: 1e-3, ..base.camera };
         let one = Scene { lights: vec![light.into()], camera, width: 1, height: 1, ..base.clone() };
         let red = |shading| field.picture(&Scene { shading, ..one.clone() })[[0, 0, 0]];
@@ -109,8 +110,8 @@ fn shading_of_a_linear_field_is_one_factor() {
     }
 }
 
-/// Strands of one direction have Kajiya and Kay's own factor, here by the two angles with it; those of all directions alike the
-/// root mean square of all sines.
+/// Parallel strands have the Kajiya-Kay factor of their two angles. Strands of all directions have the root mean
+/// square of all sines.
 #[test]
 fn strands_are_shaded_by_their_directions() {
     let volume = volume([4, 3, 5], oblique(), |i, _, _| 1.0 + i);
@@ -141,21 +142,21 @@ fn strands_are_shaded_by_their_directions() {
         assert_eq!(factor(&nowhere, l, e), 1.0);
         assert_eq!(factor(&ExactField::new(&volume, &tf), l, e), 1.0);
     }
-    // The highlight is where the light would go on along the strand, all around it, and not where it comes from.
+    // The highlight lies where the light would continue along the strand, all around it, and not where it comes from.
     let l = at(0.7, 0.0);
     let behind = |around: f64| factor(&along_z, l, at(PI - 0.7, around));
     assert_close(behind(0.0), behind(2.0), 1e-12);
     assert!(behind(1.0) > factor(&along_z, l, l) + 0.29);
 }
 
-/// At the edge of the volume the value is clamped: outside its voxels nothing changes across that axis.
+/// At the edge of the volume values are clamped: outside its voxels the gradient across that axis is zero.
 #[test]
 fn gradients_at_edges_and_in_flat_regions() {
     let volume =
         volume([8, 8, 8], DAffine3::IDENTITY, |i, j, _| if i < 4.0 { 7.0 / 3.0 } else { 2.0 * i + j });
     let tf = extinction(&[(0.0, 0.1)]);
     let field = ExactField::new(&volume, &tf);
-    // Flat: no gradient at all, and so all the light.
+    // Constant values have no gradient, and thus the full light.
     let flat = DVec3::new(1.3, 3.7, 2.2);
     assert_eq!(field.gradient(flat), DVec3::ZERO);
     let light = Light::Point { position: DVec3::new(9.0, -30.0, 4.0) };
@@ -171,7 +172,7 @@ fn gradients_at_edges_and_in_flat_regions() {
     close([6.0, 7.25, 7.0], [2.0, 0.25, 0.0]);
 }
 
-/// The weighted mean over seen points is the mean over the picture.
+/// The weighted mean over visible points equals the mean over the picture.
 #[test]
 fn visible_points_are_distributed_like_camera_rays() {
     let volume = rough_volume(oblique());

@@ -1,11 +1,11 @@
-//! Real scans, where they are to be had, against an independent implementation.
+//! Float64 reference on real scans, if they are installed, against an independent implementation.
 
 use super::*;
 use crate::common;
 use umbravox::exact::ExactField;
 use umbravox::open::{VolumeSpec, load};
 
-/// A segment `x0 y0 z0 x1 y1 z1` (world mm) and its optical depth under each of [`over_scans`], from a Python
+/// Segment `x0 y0 z0 x1 y1 z1` (world mm) and its optical depth under each of [`over_scans`], from a Python
 /// implementation (numpy and nibabel; roots by companion matrix, adaptive 12-point Gauss-Legendre).
 type Answered = ([f64; 6], [f64; 4]);
 
@@ -78,7 +78,7 @@ const ENGINE: [Answered; 4] = [
     ),
 ];
 
-/// An opacity ramp, an extinction ramp, a jump and a comb of 20 thin peaks.
+/// Transfer functions for scans: an opacity ramp, an extinction ramp, a jump, and a comb of 20 narrow peaks.
 fn over_scans() -> [TransferFunction; 4] {
     let comb: Vec<_> = (0..20)
         .map(|k| 10.3 + 12.0 * f64::from(k))

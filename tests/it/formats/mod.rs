@@ -1,4 +1,4 @@
-//! Files of other programs' writers: grid, affine and values are those that the writers' own libraries read back.
+//! Volume files of other programs: grid, affine and values equal those that the programs' own libraries read back.
 //!
 //! `make.py` made the files and `expected.json`.
 
@@ -20,7 +20,7 @@ struct Expected {
     frame: Option<usize>,
     series: Option<usize>,
     level: Option<usize>,
-    /// A part of a warning that must be there.
+    /// Text that a warning must contain.
     warning: Option<String>,
 }
 
@@ -63,7 +63,7 @@ fn files_of_other_writers_are_read_as_their_libraries_read_them() {
             }
         }
         let [nx, ny, _] = e.dims;
-        // What lies between slices hangs on positions of eight digits.
+        // Positions between slices depend on positions with eight digits.
         let tolerance = if e.warning.as_deref() == Some("resampled") { 1e-3 } else { 1e-6 };
         let wrong = e.values.iter().enumerate().find(|(at, expected)| {
             let is = volume.value(at % nx, at / nx % ny, at / (nx * ny));
@@ -86,7 +86,7 @@ fn files_of_other_writers_are_read_as_their_libraries_read_them() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Message of `info` about a folder, which is one line.
+/// Returns the one-line error of `info` for a folder that must be refused.
 fn refusal(name: &str, flags: ReadFlags) -> String {
     let error = read(name, flags).unwrap_err();
     assert_eq!(error.exit_status(), 2, "{error}");
@@ -106,7 +106,7 @@ fn several_series_are_listed_without_names_of_people() {
     assert!(said.contains("--frame 1"), "{said}");
 }
 
-/// A copy of a store, to be changed.
+/// Copies a Zarr store, so that a test can change it.
 fn store(name: &str) -> (tempfile::TempDir, PathBuf) {
     let home = tempfile::tempdir().unwrap();
     let path = home.path().join(name);
@@ -114,7 +114,7 @@ fn store(name: &str) -> (tempfile::TempDir, PathBuf) {
     (home, path)
 }
 
-/// Message of reading a store in which one file's text is replaced.
+/// Returns the error of reading a Zarr store in which one file's text is replaced.
 fn zarr_refusal(name: &str, file: &str, from: &str, to: &str) -> String {
     let (_home, path) = store(name);
     let text = std::fs::read_to_string(path.join(file)).unwrap();
@@ -167,7 +167,7 @@ fn a_store_is_named_by_its_files_too_and_has_their_digest() {
     let coarse = VolumeSpec { flags: ReadFlags { level: Some(1), ..whole.flags }, ..whole.clone() };
     assert_eq!(whole.sha256().unwrap(), by_file.sha256().unwrap());
     assert_ne!(whole.sha256().unwrap(), coarse.sha256().unwrap());
-    // A store of nothing but claims takes neither memory nor time.
+    // A Zarr store without data takes neither memory nor time.
     let (_home, path) = store("v2_plain.zarr");
     let claims = std::fs::read_to_string(path.join(".zarray")).unwrap().replacen("16", "4000000", 1);
     std::fs::write(path.join(".zarray"), claims).unwrap();
@@ -245,7 +245,7 @@ fn vtk_images_that_cannot_be_read_are_refused_in_words() {
         let said = refusal(path.to_str().unwrap(), ReadFlags::default());
         assert!(said.contains(why), "{to}: {said}");
     }
-    // What says that it is in LPS is turned, everything else stands as it does.
+    // A file marked as LPS is converted; everything else stays.
     let plain = load(&VolumeSpec::new(folder().join("files/text.vti").to_string_lossy())).unwrap();
     std::fs::write(&path, text.replacen('\n', "\n<!-- SPACE=LPS, it's said -->\n", 1)).unwrap();
     let turned = load(&VolumeSpec::new(path.to_string_lossy())).unwrap();

@@ -1,4 +1,4 @@
-//! Written volumes are read again with the same values in the same places.
+//! Written volumes are read back with the same values at the same positions.
 
 use glam::{DAffine3, DMat3, DVec3, EulerRot};
 use ndarray::Array3;

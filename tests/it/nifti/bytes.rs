@@ -1,9 +1,9 @@
-//! NIfTI files written byte by byte, independently of the reader and writer under test.
+//! Writes NIfTI files byte by byte, independently of the reader and writer under test.
 
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 
-/// A header's fields and the voxels' bytes; `bytes()` lays them out.
+/// Header fields and voxel bytes of a NIfTI file; `bytes()` encodes them.
 #[derive(Clone)]
 pub struct NiftiBytes {
     pub version: u8,
@@ -24,7 +24,7 @@ pub struct NiftiBytes {
 }
 
 impl NiftiBytes {
-    /// NIfTI-1, little-endian, `uint8` counting up from 0, an sform of 1, 2 and 3 mm.
+    /// Creates a little-endian NIfTI-1 file with `uint8` voxels that count up from 0, and an sform of 1, 2 and 3 mm.
     pub fn new(dims: [usize; 3]) -> Self {
         let count: usize = dims.iter().product();
         let [nx, ny, nz] = dims.map(|n| n as i64);
@@ -47,7 +47,7 @@ impl NiftiBytes {
         }
     }
 
-    /// Turns the header into NIfTI-2.
+    /// Turns the header into one of NIfTI-2.
     pub fn version_2(mut self) -> Self {
         self.version = 2;
         self.magic = b"n+2\0\r\n\x1a\n".to_vec();
@@ -124,7 +124,7 @@ impl NiftiBytes {
         h
     }
 
-    /// The whole single file.
+    /// Returns all bytes of the single NIfTI file.
     pub fn bytes(&self) -> Vec<u8> {
         let mut file = self.header();
         let offset =

@@ -1,4 +1,4 @@
-//! Damaged NIfTI files, and files that are none: each is read as far as it is sound, or refused in one line.
+//! Damaged NIfTI files and other files: each is read as far as it is sound, or refused in one line.
 
 use super::*;
 
@@ -26,7 +26,7 @@ fn flipped_bits_of_a_header_are_read_or_refused() {
     for file in [NiftiBytes::new([5, 4, 3]), NiftiBytes::new([5, 4, 3]).version_2()] {
         let bytes = file.bytes();
         let folder = Folder::new();
-        // Every third bit: each byte is met.
+        // Every third bit is flipped, so that each byte is tested.
         for bit in (0..8 * file.header().len()).step_by(3) {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
@@ -43,7 +43,7 @@ fn flipped_bits_of_a_header_are_read_or_refused() {
 fn damaged_gzip_is_refused() {
     let folder = Folder::new();
     let packed = gzip(&NiftiBytes::new([9, 9, 9]).bytes());
-    // A wrong checksum, the last thing in the stream but the length.
+    // A wrong checksum, the last field of the stream before the length.
     let mut damaged = packed.clone();
     let crc = damaged.len() - 8;
     damaged[crc] ^= 1;
@@ -66,7 +66,7 @@ fn claims_that_the_file_cannot_hold() {
     let folder = Folder::new();
     folder.write("a.nii.gz", &gzip(&claim(huge).bytes()));
     refused(folder.read("a.nii.gz"), "compressed bytes");
-    // Claims that deflate could keep are read until the stream ends.
+    // Sizes that a deflate stream could contain are read until the stream ends.
     folder.write("b.nii.gz", &gzip(&claim([3, 90, 90, 9, 1, 1, 1, 1]).bytes()));
     refused(folder.read("b.nii.gz"), "ends after 416");
     let overflowing = NiftiBytes::new([4, 4, 4])

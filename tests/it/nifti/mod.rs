@@ -1,4 +1,4 @@
-//! NIfTI files of every kind and in every state of disrepair.
+//! NIfTI files of every kind, valid and damaged.
 
 mod bytes;
 mod damaged;
@@ -39,7 +39,7 @@ fn read(file: &NiftiBytes) -> Result<Volume> {
     folder.read("a.nii")
 }
 
-/// The file is refused in one line that says `part`, with exit status 2.
+/// Asserts that a file is refused in one line that contains `part`, with exit status 2.
 #[track_caller]
 fn refused(result: Result<Volume>, part: &str) -> Error {
     let error = result.expect_err("must be refused");
@@ -50,7 +50,7 @@ fn refused(result: Result<Volume>, part: &str) -> Error {
     error
 }
 
-/// Voxel values, i fastest.
+/// Voxel values of a volume, i fastest.
 fn values(volume: &Volume) -> Vec<f64> {
     let [nx, ny, nz] = volume.dims();
     (0..nx * ny * nz).map(|at| volume.value(at % nx, at / nx % ny, at / (nx * ny))).collect()
@@ -188,7 +188,7 @@ fn sform_then_qform_then_voxel_sizes() {
         let volume = read(&both.clone().with(|f| f.codes = codes)).unwrap();
         assert_eq!(volume.provenance.affine_source, AffineSource::Spacing);
         assert_eq!(volume.spacing_mm(), [1.0, 2.0, 3.0]);
-        // Centred, x to the left.
+        // The volume is centred, with x to the left.
         assert_close(volume.world_from_index().transform_point3(DVec3::splat(1.5)), DVec3::ZERO);
         assert_close(volume.world_from_index().transform_vector3(DVec3::X), -DVec3::X);
     }
@@ -216,7 +216,7 @@ fn quaternions() {
     let flipped = turned([0.0, 1.0, 0.0], 1.0).world_from_index();
     assert_close(flipped.transform_vector3(DVec3::X), -DVec3::X);
     assert_close(flipped.transform_vector3(DVec3::Z), -3.0 * DVec3::Z);
-    // Too long to be a rotation: normalised, and said.
+    // A quaternion too long for a rotation is normalised, with a warning.
     let long = turned([3.0, 0.0, 0.0], 1.0);
     assert_close(long.world_from_index().transform_vector3(DVec3::Y), -2.0 * DVec3::Y);
     assert!(long.provenance.warnings.iter().any(|w| w.contains("quaternion")));
@@ -392,11 +392,11 @@ fn non_finite_voxels_become_the_smallest_finite_value() {
         assert_eq!(values(&volume), [-2.0, 3.0, -2.0, -2.0, -2.0, 1.0]);
         assert_eq!(volume.provenance.non_finite, 3);
         assert!(volume.provenance.warnings.iter().any(|w| w.contains("3 voxels")));
-        // The smallest is meant after scaling.
+        // The smallest value counts after scaling.
         let flipped = floats(&[nan, 3.0, -2.0], bits, -1.0).unwrap();
         assert_eq!(values(&flipped), [-3.0, -3.0, 2.0]);
         refused(floats(&[nan, inf, -inf], bits, 1.0), "no voxel has a finite value");
-        // The smallest numbers are numbers.
+        // Denormal numbers are valid.
         assert_eq!(floats(&[1e-40, -1e-40], bits, 1.0).unwrap().provenance.non_finite, 0);
     }
 }
@@ -410,7 +410,7 @@ fn bitpix_does_not_decide() {
 
 #[test]
 fn real_scans() {
-    // As an independent reader has them.
+    // Values of an independent reader.
     for (name, dims, range, spacing) in [
         ("CT_AVM", [256, 242, 154], [0.0, 563.200_002_908_706_7], [0.719_942_57, 0.720_913_59, 1.0]),
         ("CT_pitch", [175, 248, 58], [0.0, 255.0], [0.8125, 0.8125, 2.397_047]),

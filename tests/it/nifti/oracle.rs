@@ -1,11 +1,12 @@
-//! The `nifti` crate as an independent reader: equal voxels where it reads a file, and the valid files that version 0.18 reads
-//! differently or not at all. A test that fails after an update of the crate says that a reason not to use it is gone.
+//! The `nifti` crate as an independent reader: equal voxels where it reads a file, and valid files that version 0.18
+//! reads differently or not at all. A test that fails after an update of the crate shows that a reason not to use it
+//! is gone.
 
 use super::*;
 use nifti::{InMemNiftiVolume, NiftiHeader, NiftiObject, ReaderOptions};
 use std::panic::catch_unwind;
 
-/// Stored voxels of a single file, read slice by slice with the `nifti` crate.
+/// Reads the stored voxels of a single file slice by slice with the `nifti` crate.
 fn voxels_by_crate<T: nifti::DataElement>(path: &std::path::Path) -> nifti::Result<Vec<T>> {
     use nifti::{NiftiObject, ReaderStreamedOptions};
     let volume = ReaderStreamedOptions::new().read_file(path)?.into_volume();
@@ -13,7 +14,7 @@ fn voxels_by_crate<T: nifti::DataElement>(path: &std::path::Path) -> nifti::Resu
     Ok(slices.collect::<nifti::Result<Vec<_>>>()?.concat())
 }
 
-/// `int16` voxels of every kind, in either byte order.
+/// Creates a NIfTI file of `int16` voxels in either byte order.
 fn shorts(big_endian: bool) -> NiftiBytes {
     NiftiBytes::new([5, 4, 3]).with(|f| {
         (f.big_endian, f.datatype, f.bitpix) = (big_endian, 4, 16);
@@ -47,7 +48,7 @@ fn voxels_are_those_of_the_nifti_crate() {
     assert_eq!(ours, floats.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
 }
 
-/// Writes a valid file; this program reads the voxels of [`shorts`] from it, and the crate does not.
+/// Writes a valid file and asserts that this program reads the voxels of [`shorts`] from it, and the crate does not.
 #[track_caller]
 fn only_we_read(name: &str, bytes: &[u8]) {
     let folder = Folder::new();
@@ -90,7 +91,7 @@ fn the_crate_takes_the_size_of_voxels_from_bitpix() {
     assert!(!matches!(theirs, Ok(Ok(60))));
 }
 
-/// Affine of a file with a qform by this program, and by the crate unless it panics.
+/// Affine of a file with a qform as this program reads it, and as the crate does unless it panics.
 fn qforms(change: impl FnOnce(&mut NiftiBytes)) -> (Volume, Option<[f64; 16]>) {
     let file = NiftiBytes::new([4, 3, 2]).with(|f| f.codes = [1, 0]).with(change);
     let ours = read(&file).unwrap();

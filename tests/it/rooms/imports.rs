@@ -1,4 +1,4 @@
-//! Imports of a crate's files, read from their tokens: `use` trees, paths in code and in macros.
+//! Imports of a crate's source files, read from their tokens: `use` trees, and paths in code and macros.
 
 use super::{FRONT_DOORS, ROOMS};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
@@ -6,26 +6,26 @@ use std::collections::{BTreeMap, BTreeSet};
 
 type Module = Vec<String>;
 
-/// References of one file to others.
+/// References of one source file to other files.
 #[derive(Default)]
 struct Source {
-    /// Names of the modules that it declares with `mod NAME;`.
+    /// Names of the modules that the file declares with `mod NAME;`.
     children: BTreeSet<String>,
-    /// Names that a `use` brings into its scope, and what they stand for, from the crate's root.
+    /// Names that a `use` brings into the file's scope, with their paths from the crate's root.
     aliases: BTreeMap<String, Module>,
-    /// Names that it hands on (`pub use`) and does not use itself as far as can be told.
+    /// Names that the file only re-exports (`pub use`) and does not use itself, as far as tokens show.
     handed_on: BTreeSet<String>,
-    /// Paths from the crate's root, outside of tests.
+    /// Paths from the crate's root that the file mentions outside of tests.
     paths: BTreeSet<Module>,
-    /// Words outside of `use`.
+    /// Identifiers of the file outside of `use`.
     words: BTreeSet<String>,
 }
 
-/// All files of a crate by their modules.
+/// All source files of a crate by their modules.
 pub struct Crate(BTreeMap<Module, Source>);
 
 impl Crate {
-    /// From pairs of a path below `src` and the text.
+    /// Reads the source files, given as pairs of a path below `src` and the text.
     pub fn new(files: &[(String, String)]) -> Self {
         let mut sources = BTreeMap::new();
         let (mut tests, mut macros) = (Vec::new(), Vec::new());
@@ -39,7 +39,7 @@ impl Crate {
             source.handed_on.retain(|name| !source.words.contains(name));
             sources.insert(module, source);
         }
-        // What `#[macro_export]` puts at the root is the room's in which it is written.
+        // A macro that `#[macro_export]` puts at the root belongs to the module that defines it.
         let root: &mut Source = sources.entry(Module::new()).or_default();
         root.aliases.extend(macros);
         for module in tests {
@@ -48,7 +48,7 @@ impl Crate {
         Self(sources)
     }
 
-    /// The file in which the item of a path is written, as far as `use` tells.
+    /// Module in which the item of a path is defined, as far as `use` shows.
     fn home_of(&self, path: &[String], depth: usize) -> Module {
         let mut at = Module::new();
         for (i, name) in path.iter().enumerate() {
@@ -66,14 +66,14 @@ impl Crate {
         at
     }
 
-    /// The room that a path names, behind what stands at the crate's root.
+    /// Top-level module of a path, resolved through re-exports at the crate's root.
     fn room_of(&self, path: &[String]) -> Option<String> {
         let first = path.first()?;
         let root = &self.0[&Module::new()];
         root.aliases.get(first).map_or_else(|| Some(first.clone()), |alias| alias.first().cloned())
     }
 
-    /// Every import that goes up or sideways: the file, the room and the path.
+    /// Every import from a higher or equal layer: the file, the imported top-level module and the path.
     pub fn upward(&self) -> Vec<(String, String, String)> {
         let rank = |room: &str| ROOMS.iter().position(|r| r.0 == room);
         let mut found = Vec::new();
@@ -94,7 +94,7 @@ impl Crate {
         found
     }
 
-    /// Every file that reaches itself through files of its room, with a shortest way around.
+    /// Every file that imports itself through other files of its top-level module, with a shortest cycle.
     pub fn circles(&self) -> BTreeMap<String, String> {
         let edges = |module: &Module| -> BTreeSet<Module> {
             let source = &self.0[module];
@@ -140,12 +140,12 @@ fn module_of(path: &str) -> Module {
     if stem == "lib" { Module::new() } else { stem.split('/').map(Into::into).collect() }
 }
 
-/// Reads one file's tokens.
+/// Collects the references from the tokens of one source file.
 struct Reader<'a> {
     source: &'a mut Source,
-    /// Modules for tests only.
+    /// Modules that are compiled for tests only.
     tests: &'a mut Vec<Module>,
-    /// Exported macros, with the path that says where they are written.
+    /// Exported macros, with the module that defines them.
     macros: &'a mut Vec<(String, Module)>,
 }
 
@@ -156,7 +156,8 @@ impl Reader<'_> {
         }
     }
 
-    /// `file` is the module of the file, `here` that of the tokens: another one within `mod NAME { ... }`.
+    /// Reads tokens. `file` is the module of the file, `here` that of the tokens: another one within `mod NAME { ...
+    /// }`.
     fn read(&mut self, tokens: &[TokenTree], file: &Module, here: &Module) {
         let mut i = 0;
         while i < tokens.len() {
@@ -225,7 +226,8 @@ impl Reader<'_> {
         }
     }
 
-    /// A path from the crate's root; `None` for what is another crate's, or a name in scope whose `use` was seen.
+    /// Resolves a path from the crate's root; `None` for items of other crates, or for a name in scope whose `use`
+    /// was read.
     fn absolute(&self, path: &[String], file: &Module, here: &Module) -> Option<Module> {
         let up = path.iter().take_while(|name| *name == "super").count();
         let mut base = match path[0].as_str() {
@@ -241,7 +243,7 @@ impl Reader<'_> {
     }
 }
 
-/// The leaves of a `use` tree: whole path, and the name that it gets.
+/// Collects the leaves of a `use` tree: the whole path, and the name that it gets.
 fn use_tree(tokens: &[TokenTree], before: &mut Vec<String>, leaves: &mut Vec<(Vec<String>, String)>) {
     for branch in tokens.split(|t| is_punct(Some(t), ',')).filter(|b| !b.is_empty()) {
         let length = before.len();
@@ -273,13 +275,13 @@ fn is_punct(token: Option<&TokenTree>, c: char) -> bool {
     matches!(token, Some(TokenTree::Punct(p)) if p.as_char() == c)
 }
 
-/// Whether an attribute's brackets are a `cfg` that only tests meet.
+/// Whether an attribute's brackets are a `cfg` for tests only.
 fn is_test(brackets: Option<&TokenTree>) -> bool {
     let text = brackets.map(ToString::to_string).unwrap_or_default();
     text.starts_with("[cfg") && text.contains("test") && !text.contains("not")
 }
 
-/// Behind the item that begins at `from`.
+/// Index behind the item that begins at token `from`.
 fn end_of_item(tokens: &[TokenTree], from: usize) -> usize {
     let ends = |t: &TokenTree| {
         is_punct(Some(t), ';') || matches!(t, TokenTree::Group(g) if g.delimiter() == Delimiter::Brace)
@@ -294,7 +296,7 @@ fn is_public(before: &[TokenTree]) -> bool {
         || matches!(before, [.., word, TokenTree::Group(g)] if is_word(word, "pub") && g.delimiter() == Delimiter::Parenthesis)
 }
 
-/// Whether the attribute right before an item exports it.
+/// Whether the attribute directly before an item exports it as a macro.
 fn exported(before: &[TokenTree]) -> bool {
     before.last().is_some_and(|t| t.to_string().contains("macro_export"))
 }

@@ -1,4 +1,5 @@
-//! The crate's rooms are a stack: imports go down only, and files of one room do not import each other in a circle.
+//! Layering of the crate: top-level modules import only lower ones, and files of one module do not import each other
+//! in a cycle.
 
 mod imports;
 
@@ -7,8 +8,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// Every room, the topmost first: its name, what it is for, and where it is narrower than "whatever is below" the rooms
-/// that it may import.
+/// Every top-level module, the highest first: name, purpose, and the modules that it may import if these are fewer
+/// than all lower ones.
 const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
@@ -33,19 +34,19 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
     ("error", "The one error type.", None),
 ];
 
-/// Rooms beside and not above each other: neither imports the other.
+/// Top-level modules at the same height: neither imports the other.
 const FRONT_DOORS: [&str; 2] = ["app", "cli"];
 
-/// Known imports that go up or sideways, as a file and the module it imports. This list may only become shorter.
+/// Known imports of a higher or equal layer, as a file and the module it imports. This list may only become shorter.
 const KNOWN_IMPORTS: &[(&str, &str)] = &[];
 
-/// Rooms of shaders, the lowest first.
+/// Folders of shaders, the lowest layer first.
 const SHADER_ROOMS: [&str; 3] = ["field", "shadow", "render"];
 
-/// Names that a lower shader imports and each method above it defines: they are composed in, and contracts.
+/// Shader modules that a lower shader imports and every method above it defines (interfaces that are composed in).
 const SHADER_CONTRACTS: &[&str] = &["umbravox::sink"];
 
-/// Paths below a folder, with the texts.
+/// Paths of the files below a folder, with their texts.
 fn texts(folder: &Path, ending: &str) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
@@ -91,7 +92,7 @@ fn shaders_import_down() {
     assert_eq!(upward_shaders(&files), Vec::<String>::new());
 }
 
-/// Every `#import` of a shader that goes up.
+/// Every `#import` of a shader from a higher layer.
 fn upward_shaders(files: &[(String, String)]) -> Vec<String> {
     let rank = |path: &str| {
         let room = match path.split_once('/') {
@@ -122,7 +123,7 @@ fn upward_shaders(files: &[(String, String)]) -> Vec<String> {
     found
 }
 
-/// A small crate with one violation of every kind in it.
+/// Violations of every kind are found in a small crate that contains them.
 #[test]
 fn planted_violations_are_found() {
     let files = |list: &[(&str, &str)]| -> Vec<(String, String)> {

@@ -1,4 +1,4 @@
-//! The comparison with rays through the cylinders: places where its answer is known.
+//! Comparison of the strand volume with rays through the strands' cylinders, where the result is known.
 
 use super::strands;
 use glam::DVec3;
@@ -19,7 +19,7 @@ fn one_wide_strand_is_in_front_of_half_of_the_beams() {
         let a = compared(&one, DVec3::Z, 102);
         let wanted = 0.5 * (1.0 + f64::from(transparency));
         assert!((a.true_mean - wanted).abs() < 0.03, "{a:?}");
-        // Beams at the two ends are the only ones that its shadow cuts.
+        // Only beams at the two ends are partly in its shadow.
         assert!(a.sampling_rms < 0.01, "{a:?}");
     }
 }
@@ -38,7 +38,7 @@ fn strands_along_the_light_hide_nothing_of_it() {
     assert!(a.true_mean > 0.9999 && a.mean < -0.01 && (a.true_mean + a.mean) > 0.0, "{a:?}");
 }
 
-/// Thin straight strands at random places across the light: the medium that extinction assumes.
+/// Thin straight strands at random places across the light behave as the medium that extinction assumes.
 #[test]
 fn scattered_strands_across_the_light_are_the_medium() {
     let mut random = fastrand::Rng::with_seed(7);
@@ -53,7 +53,7 @@ fn scattered_strands_across_the_light_are_the_medium() {
     let across = compared(&scattered, DVec3::Z, 22);
     assert!(across.true_mean > 0.3 && across.true_mean < 0.8, "{across:?}");
     assert!(across.mean.abs() < 0.01 && across.rms < 0.08, "{across:?}");
-    // Seen at a slant they hide less than their extinction says, by the mean of the sine.
+    // Viewed obliquely they hide less than their extinction predicts, by the mean of the sine.
     let slanted = compared(&scattered, DVec3::X, 22);
     assert!(slanted.mean < -0.03, "{slanted:?}");
     assert_eq!(slanted, compared(&scattered, DVec3::X, 22), "not the same on every run");

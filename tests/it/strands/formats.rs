@@ -1,4 +1,5 @@
-//! The formats of strands: against files of others' writers and what their readers say of them, and what must be refused.
+//! Strand files of other programs: compared with what those programs read from them, and invalid files that must be
+//! refused.
 //!
 //! `tests/data/strands.py` made the files, by nibabel and VTK.
 
@@ -20,7 +21,7 @@ fn bytes_of(name: &str) -> Vec<u8> {
     fs::read(folder().join(name)).unwrap()
 }
 
-/// Contents that other programs read from every file.
+/// Points that other programs read from every strand file.
 fn expected() -> BTreeMap<String, Points> {
     serde_json::from_slice(&bytes_of("points.json")).unwrap()
 }
@@ -42,7 +43,7 @@ fn every_file_of_others_has_the_points_that_they_say() {
             wanted.iter().map(Vec::len).collect::<Vec<_>>()
         );
         let pairs = found.iter().flatten().flatten().zip(wanted.iter().flatten().flatten());
-        // Others keep the way to the world in 32 bits.
+        // Other programs store the transform to the world in 32 bits.
         let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < 4e-5, "{name}: {off} mm");
         assert!(!strands.has_thickness(), "{name}");
@@ -57,7 +58,7 @@ fn both_byte_orders_say_the_same() {
     let [little, big] = ["little.tck", "big.tck"]
         .map(|name| read_strands(&folder().join(name), &Loading::default()).unwrap());
     assert_eq!(little.arrays(), big.arrays());
-    // The header is the same; only the kind of number is another.
+    // The header is the same except for the element type.
     let text = String::from_utf8_lossy(&bytes_of("little.tck")).into_owned();
     let end = text.find("END\n").unwrap() + 4;
     for (kind, big_endian) in [("Float64LE", false), ("Float64BE", true)] {
@@ -86,7 +87,7 @@ fn notable_contents_are_reported() {
     more.extend([0; 8]);
     let strands = strands_of_bytes(&more, "a.trk").unwrap();
     assert_eq!(strands.warnings(), ["8 bytes behind the 4 tracks that its header counts were not read"]);
-    // They come along to the volume.
+    // Warnings of strands are passed to the volume.
     let mut spec = VolumeSpec::new(folder().join("little.tck").to_string_lossy());
     spec.flags.strands.resolution = Some(8);
     let e = load(&spec).unwrap_err();
@@ -111,10 +112,10 @@ fn content_decides_the_format_before_the_name() {
             );
         }
     }
-    // An OBJ file has nothing that tells it.
+    // The content of an OBJ file does not identify it.
     assert!(strands_of_bytes(&bytes_of("lines.obj"), "a.OBJ").is_ok());
     assert!(strands_of_bytes(&bytes_of("lines.obj"), "a.dat").unwrap_err().hint.unwrap().contains(".tck"));
-    // Other data of VTK are no strands, whatever they are called.
+    // Other VTK data are not strands, whatever their file name.
     let image = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 1 1 1\n";
     let image_xml = "<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\"></VTKFile>";
     for (text, name) in [(image, "b.vtk"), (image_xml, "b.vtp")] {
@@ -152,7 +153,7 @@ fn more_segments_than_hair_files_count_are_not_written() {
     let dir = tempfile::tempdir().unwrap();
     let e = write_hair(&strands, &dir.path().join("a.hair")).unwrap_err();
     assert!(e.why.contains("69999 segments") && e.why.contains("65535"), "{e}");
-    // As many as it counts come back.
+    // As many segments as the format can count are written and read back.
     let short = text[..text.rfind(" 65537").unwrap()].to_owned();
     let strands = strands_of_bytes(short.as_bytes(), "a.obj").unwrap();
     write_hair(&strands, &dir.path().join("a.hair")).unwrap();
@@ -162,7 +163,7 @@ fn more_segments_than_hair_files_count_are_not_written() {
     );
 }
 
-/// The bytes of a file with some of them replaced.
+/// Bytes of a strand file with some of them replaced.
 fn patched(name: &str, at: usize, with: &[u8]) -> Vec<u8> {
     let mut bytes = bytes_of(name);
     bytes[at..at + with.len()].copy_from_slice(with);
@@ -218,7 +219,7 @@ fn tracks_that_are_wrong_are_refused_by_the_byte() {
         (patched("ras.trk", 440, &[0; 4]), "byte 948", "leaves the directions"),
         (patched("ras.trk", 440, &nan), "byte 948", "leaves the directions"),
         (patched("ras.trk", 452, &nan), "byte 948", "not finite"),
-        // More is claimed than there is.
+        // The header claims more than the file contains.
         (patched("ras.trk", 988, &most), &format!("byte {}", bytes_of("ras.trk").len()), "4 of 2147483647"),
         (patched("ras.trk", 1000, &most), "byte 1000", "2147483647 points takes 25769803768 bytes"),
         (patched("ras.trk", 1000, &[0xff; 4]), "byte 1000", "-1 points"),
@@ -310,7 +311,7 @@ fn arrays_of_xml_that_are_wrong_are_refused() {
     };
     refused("a.vtp", offset("99999999").as_bytes(), "line", "beyond the file");
     refused("a.vtp", offset("-1").as_bytes(), "line", "`-1`");
-    // Tags within tags take no more of the stack than one.
+    // Nested tags do not use more of the stack.
     let deep = format!("<VTKFile type=\"PolyData\">{}", "<a>".repeat(900_000));
     refused("a.vtp", deep.as_bytes(), "line 1", "XML");
     let deep = format!("{deep}{}</VTKFile>", "</a>".repeat(900_000));
@@ -320,7 +321,7 @@ fn arrays_of_xml_that_are_wrong_are_refused() {
     refused("a.vtp", dtd.as_bytes(), "line 1", "XML");
 }
 
-/// A file of one array, compressed, that says to be of `claimed` bytes in blocks of `block`.
+/// Creates a `.vtp` file of one compressed array that claims `blocks` blocks of `block` bytes.
 fn compressed(blocks: u64, block: u64, packed: &[u8]) -> Vec<u8> {
     let mut data = Vec::new();
     let sizes = (0..blocks.min(1 << 16)).map(|i| if i == 0 { packed.len() as u64 } else { 0 });
@@ -353,7 +354,7 @@ fn impossible_unpacked_sizes_are_refused() {
     }
 }
 
-/// Flips, cuts, doublings and huge counts: an answer, and no panic.
+/// Damages a strand file by flips, cuts, doublings and huge counts: the reader returns a result and never panics.
 fn attack(name: &str, seed: u64, rounds: usize) {
     let all = bytes_of(name);
     let mut random = fastrand::Rng::with_seed(seed);
@@ -391,7 +392,7 @@ fn attack(name: &str, seed: u64, rounds: usize) {
             Ok(strands) => {
                 read += 1;
                 assert!(strands.arrays().points.iter().flatten().all(|x| x.is_finite()));
-                // What is read can be used, or is refused.
+                // Strands that were read can be voxelised, or are refused.
                 if read % 16 == 0 {
                     let _ = tubes(&strands.with_thickness(random.f64() * 10.0 + 1e-3).unwrap(), 20_000)
                         .map(|made| assert!(made.triangles.iter().flatten().all(|p| p.is_finite())));
@@ -421,7 +422,7 @@ fn every_cut_is_an_answer_and_no_panic() {
         for length in 0..all.len() {
             let _ = strands_of_bytes(&all[..length], name);
         }
-        // Of tracks every cut is seen, but that of what another header would have counted.
+        // Every cut of a track file is detected, except where the header gives no count.
         if name.ends_with("ck") || (name.ends_with("trk") && name != "uncounted.trk") {
             assert!((0..all.len()).all(|n| strands_of_bytes(&all[..n], name).is_err()), "{name}");
         }

@@ -1,4 +1,5 @@
-//! The `.hair` format: every combination of arrays, and files that must be refused by the byte.
+//! The `.hair` format of strands: every combination of arrays, and invalid files that must be refused at the right
+//! byte.
 
 use super::arrays;
 use std::fs;
@@ -24,7 +25,7 @@ impl Folder {
     }
 }
 
-/// Two strands, of 2 and 1 segments, with the arrays of `flags`; put together by hand, as the format says.
+/// Creates a `.hair` file by hand: two strands, of 2 and 1 segments, with the arrays of `flags`.
 fn file(flags: u32) -> Vec<u8> {
     let mut bytes = b"HAIR".to_vec();
     for n in [2u32, if flags & 1 == 0 { 4 } else { 5 }, flags, 1] {
@@ -128,7 +129,7 @@ fn wrong_files_are_refused_by_the_byte() {
         (tail(7, 4), 208, "thickness array is bytes 192 to 212"),
         (tail(31, 60), 232, "colour array is bytes 232 to 292"),
         (longer, 292, "1 bytes follow"),
-        // Numbers that mean nothing.
+        // Invalid numbers.
         (patched(31, 132 + 12 * 3 + 4, &nan), 132 + 36, "not finite"),
         (patched(31, 132, &f32::INFINITY.to_le_bytes()), 132, "not finite"),
         (patched(2, 128 + 24, &(-2e9f32).to_le_bytes()), 152, "beyond 1e9"),

@@ -1,4 +1,5 @@
-//! Strands: the file format, the built-in sets, voxelising and directions against closed forms and brute force, the cylinders.
+//! Strands: file formats, built-in sets, and voxelisation and directions against closed forms, brute force and
+//! cylinders.
 
 mod cylinders;
 mod formats;
@@ -9,7 +10,7 @@ mod voxelise;
 
 use umbravox::strands::{Attribute, StrandArrays, Strands};
 
-/// Strands of one thickness and transparency through these points.
+/// Creates strands of one thickness and transparency through the given points.
 fn strands(lines: &[Vec<[f32; 3]>], thickness_mm: f32, transparency: f32) -> Strands {
     Strands::new("test", arrays(lines, thickness_mm, transparency)).unwrap()
 }

@@ -1,4 +1,4 @@
-//! The built-in strand sets.
+//! Built-in strand sets (hair and fur).
 
 use umbravox::files::loading::Loading;
 use umbravox::strands::{StrandSet, StrandVolume};

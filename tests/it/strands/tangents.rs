@@ -1,4 +1,4 @@
-//! Directions of strands on the grid: closed forms, the extinction as their trace, the number of threads.
+//! Strand directions on the grid: closed forms, the extinction as their trace, any number of threads.
 
 use super::strands;
 use glam::DVec3;
@@ -8,7 +8,7 @@ use umbravox::strands::{Kernel, StrandGrid, StrandSet, Strands, VoxelisedStrands
 
 const BOTH: [Kernel; 2] = [Kernel::Box, Kernel::Tent];
 
-/// Components of `u u^T`: `xx, yy, zz, xy, xz, yz`.
+/// Elements `xx, yy, zz, xy, xz, yz` of `u u^T`.
 fn product(u: DVec3) -> [f64; 6] {
     [u.x * u.x, u.y * u.y, u.z * u.z, u.x * u.y, u.x * u.z, u.y * u.z]
 }
@@ -20,7 +20,7 @@ fn extinction_of(moments: &[f32; 6]) -> f64 {
 #[test]
 fn one_straight_strand_has_one_direction() {
     let grid = StrandGrid { dims: [12, 11, 10], spacing_mm: 0.5, origin_mm: DVec3::new(1.0, 2.0, 3.0) };
-    // Exact in 32-bit floats, and of pieces whose directions are the same.
+    // Segments that are exact in 32-bit floats, and whose parts have the same direction.
     for (from, along) in [
         (DVec3::new(1.5, 2.25, 3.5), DVec3::new(4.0, 3.0, 2.0)),
         (DVec3::new(6.0, 6.5, 3.25), DVec3::new(-4.0, -3.5, 4.0)),
@@ -69,7 +69,7 @@ fn the_trace_is_the_extinction() {
     }
 }
 
-/// A strand that is walked the other way round has the same moments, and does not cancel.
+/// A reversed strand has the same direction moments, and does not cancel the other.
 #[test]
 fn strands_have_no_sign() {
     let grid = StrandGrid { dims: [8; 3], spacing_mm: 1.0, origin_mm: DVec3::ZERO };
@@ -89,7 +89,7 @@ fn strands_have_no_sign() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let strands = StrandSet::Clustered.build(20_000).unwrap();
-    // Several slabs.
+    // The grid is larger than one slab of voxels.
     let grid = StrandGrid::around(strands.bounds_mm().unwrap(), 160).unwrap();
     for kernel in BOTH {
         let with = |threads: usize| {

@@ -1,4 +1,4 @@
-//! Voxelising: closed forms, brute force, conservation, the number of threads.
+//! Voxelisation of strands: closed forms, brute force, conservation of area, any number of threads.
 
 use super::strands;
 use glam::DVec3;
@@ -20,7 +20,7 @@ fn line(a: [f64; 3], b: [f64; 3]) -> Strands {
     strands(&[vec![world(a), world(b)]], 0.25, 0.5)
 }
 
-/// Extinction per voxel of length inside: `(1 - 1/2) 1/4 mm * 0.5 mm / 0.125 mm^3`.
+/// Extinction for each voxel of strand length inside: `(1 - 1/2) 1/4 mm * 0.5 mm / 0.125 mm^3`.
 const PER_VOXEL: f64 = 0.5;
 
 #[test]
@@ -51,7 +51,7 @@ fn a_segment_along_an_axis_has_known_values() {
     }
 }
 
-/// The share of a line that each voxel gets, from many points along it.
+/// Share of a line that each voxel gets, computed from many points along it.
 fn brute_force([a, b]: [[f64; 3]; 2], dims: [usize; 3], kernel: Kernel) -> Vec<f64> {
     const POINTS: usize = 400_000;
     let mut shares = vec![0.0; dims.iter().product()];
@@ -86,7 +86,7 @@ fn oblique_segments_agree_with_brute_force() {
         for [a, b] in [
             [[0.1, 0.2, 0.3], [0.9 * last[0], 0.7 * last[1], 0.8 * last[2]]],
             [[last[0], 0.0, last[2]], [0.0, last[1], 0.2]],
-            // Through the faces, so that the ends are clipped.
+            // Segments through the faces of the grid, so that their ends are clipped.
             [[-3.0, 0.4, 0.3], [last[0] + 2.0, 0.3 * last[1], last[2] + 1.0]],
             [[0.3, -2.0, -0.5], [0.3, 4.0, 4.5]],
         ] {
@@ -151,7 +151,7 @@ fn every_area_is_conserved_also_along_faces_edges_and_corners() {
         assert!(c.relative_error < 1e-7, "{kernel:?}: {c:?}");
         assert!(c.area_inside_mm2 < 0.9 * c.area_mm2 && c.area_inside_mm2 > 0.1 * c.area_mm2);
     }
-    // One by one, against the length clipped by hand.
+    // Each segment is compared with its length clipped by hand.
     for line in lines.iter().take(600) {
         let one = strands(std::slice::from_ref(line), 0.01, 0.25);
         let [a, b] = [0, 1].map(|i| DVec3::from_array(line[i].map(f64::from)));
