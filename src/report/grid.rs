@@ -9,18 +9,15 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use ndarray::{Array2, Array3};
 
-/// Largest height of the figure that shows all pictures of a scene, points. It is lower if the pictures need less
-/// height at full width.
+/// Largest height of the picture grid, points; lower if the pictures need less height at full width.
 const MOST_HEIGHT: f64 = 650.0;
 /// Smallest width of a picture in the picture grid, points, so that its settings stay readable.
 const LEAST_CELL: f64 = 64.0;
 /// Largest width of a picture in the picture grid, points.
 const MOST_CELL: f64 = 220.0;
-/// Smallest ratio of picture width to column width in the picture grid, where pictures are narrowed to limit its
-/// height.
+/// Smallest ratio of picture width to column width, where pictures are narrowed to limit the height of the grid.
 const MOST_NARROWED: f64 = 0.85;
-/// Ratio of height to width above which pictures may be narrower than their columns, so that the figure fits on a
-/// page.
+/// Ratio of height to width above which pictures may be narrower than the columns of the picture grid.
 const UPRIGHT: f64 = 1.2;
 /// Largest height of a picture in the picture grid, points.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
@@ -34,8 +31,7 @@ const LINE: f64 = 8.6;
 /// Height of the colour bar without its labels in the picture grid, points.
 const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
-/// Smallest and largest resolution of the PNG file with the picture grid, pixels per point. The largest is about 300
-/// dpi.
+/// Smallest and largest resolution of the PNG file with the picture grid, pixels per point; up to about 300 dpi.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
 /// Largest number of pixels of the PNG file with the picture grid.
 const MOST_PIXELS: f64 = 1e8;
@@ -120,10 +116,8 @@ fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
 /// Layout of the figure that shows the pictures of all shadow methods.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
-    /// Width of the picture grid, points.
     width: f64,
     across: usize,
-    /// Width of a column in the picture grid, points.
     cell: f64,
     /// Width and height of one picture in the picture grid, points.
     picture: [f64; 2],
