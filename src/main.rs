@@ -1,4 +1,4 @@
-//! The `umbravox` command.
+//! Entry point of the `umbravox` command.
 
 use std::env;
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     umbravox::cli::main(env::args_os(), view)
 }
 
-/// Opens the window.
+/// Opens the viewer window for the `view` command.
 #[cfg(feature = "gui")]
 fn view(args: ViewArgs) -> Result<()> {
     use umbravox::app::{Start, run};
@@ -22,7 +22,7 @@ fn view(args: ViewArgs) -> Result<()> {
     run(Start { scene, adapter: request.run.adapter, clean: args.clean, hook: None })
 }
 
-/// Refuses: this build has no window.
+/// Returns an error for the `view` command, because this build has no window.
 #[cfg(not(feature = "gui"))]
 fn view(_args: ViewArgs) -> Result<()> {
     let why = "the window was left out of this build (cargo feature `gui`)";
@@ -30,8 +30,9 @@ fn view(_args: ViewArgs) -> Result<()> {
         .hint("build without --no-default-features, or use `render`"))
 }
 
-/// Keeps Mesa's device-selection layer out where it could only complain: without `XDG_RUNTIME_DIR` there is no Wayland
-/// to ask for its device, and the layer writes an `error:` line to stderr although nothing failed.
+/// Disables Mesa's Vulkan device-selection layer where it could only print a misleading error. Without
+/// `XDG_RUNTIME_DIR` there is no Wayland server to ask for its device. The layer then writes an `error:` line to
+/// stderr although nothing failed.
 fn quiet_device_selection() {
     let asked = ["XDG_RUNTIME_DIR", "DISPLAY", "DRI_PRIME", "MESA_VK_DEVICE_SELECT"];
     if asked.iter().all(|key| env::var_os(key).is_none()) {

@@ -1,23 +1,23 @@
-//! Camera and light movement from pointer drags.
+//! Moves the camera and the light of the viewer window by pointer drags.
 
 use crate::scene::{AxisView, Camera, Light};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Camera rotation of a drag.
+/// Mode of camera rotation when the user drags the pointer over the picture: turntable or trackball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Orbit {
-    /// About the up axis, and up and down: the horizon stays level.
+    /// Turntable rotation of the camera: about the up axis and in elevation, so that the horizon stays level.
     Turntable,
-    /// Freely about the axes of the picture.
+    /// Trackball rotation of the camera: free rotation about the horizontal and vertical axes of the picture.
     Trackball,
 }
 
-/// Minimum angle between the view direction and the up axis of a turntable, radians.
+/// Minimum angle between the camera's view direction and the up axis in turntable rotation, radians.
 const POLE_MARGIN: f64 = 0.01;
 
-/// Rotates the camera about its target by a drag to the right and down, radians.
+/// Rotates the camera about its target by a pointer drag. `right` and `down` are the angles of the drag, radians.
 pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
     let frame = camera.frame();
     let offset = camera.eye - camera.target;
@@ -38,7 +38,8 @@ pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
     }
 }
 
-/// Translates the camera parallel to the picture, in picture heights at the target.
+/// Pans the camera parallel to the picture plane. Distances are in picture heights at the depth of the camera's
+/// target.
 pub fn pan(camera: &mut Camera, right: f64, down: f64) {
     let frame = camera.frame();
     let height = 2.0 * camera.eye.distance(camera.target) * (0.5 * camera.fov_deg.to_radians()).tan();
@@ -47,12 +48,12 @@ pub fn pan(camera: &mut Camera, right: f64, down: f64) {
     camera.target += shift;
 }
 
-/// Zooms in (`factor` below 1) or out about the point under the cursor at the target's depth. `cursor` is relative to the
-/// picture centre, in half heights, y up.
+/// Zooms the camera in (`factor` below 1) or out, about the point under the cursor at the depth of the camera's
+/// target. `cursor` is relative to the picture centre, in half picture heights, y up.
 pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) {
     let frame = camera.frame();
     let distance = camera.eye.distance(camera.target);
-    // Neither into the target nor too far away to see anything.
+    // Keeps the camera from reaching the target, and from moving too far away to see the volume.
     let factor = (distance * factor).clamp(1e-3 * radius_mm, 1e3 * radius_mm) / distance;
     let half = distance * (0.5 * camera.fov_deg.to_radians()).tan();
     let fixed = camera.target + half * (cursor[0] * frame.right + cursor[1] * frame.up);
@@ -60,19 +61,20 @@ pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) 
     camera.target = fixed + factor * (camera.target - fixed);
 }
 
-/// Looks at the target from one of the six directions, at the current distance.
+/// Moves the camera to one of the six axis views (anterior, left, ...), at the current distance from its target.
 pub fn look_from(camera: &mut Camera, view: &AxisView) {
     look_along(camera, view.away, view.up);
 }
 
-/// Looks at the target from the unit direction `away` of it, at the current distance.
+/// Moves the camera to the unit direction `away` from its target, at the current distance.
 pub fn look_along(camera: &mut Camera, away: DVec3, up: DVec3) {
     let distance = camera.eye.distance(camera.target);
     camera.eye = camera.target + distance * away;
     camera.up = up;
 }
 
-/// Rotates a directional light about the volume centre; moves a point light parallel to the picture.
+/// Moves a light by a pointer drag: rotates a directional light, or moves a point light parallel to the picture
+/// plane.
 pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     let frame = camera.frame();
     match light {
@@ -87,8 +89,9 @@ pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     }
 }
 
-/// Position of a light direction on a disc. The centre is behind the eye, half the radius is perpendicular to the view, the
-/// rim is behind the volume. `None` where `toward` has no direction.
+/// Maps a light direction to a point of the unit disc that shows it. The disc's centre is a light behind the camera.
+/// Half its radius is a light perpendicular to the view. Its rim is a light behind the volume. `None` where `toward`
+/// is zero.
 pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     let frame = camera.frame();
     let v = toward.try_normalize()?;
@@ -98,7 +101,7 @@ pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     Some(if across < 1e-9 { [angle, 0.0] } else { [angle * x / across, angle * y / across] })
 }
 
-/// Inverse of [`disc_from_direction`].
+/// Light direction for a point of the unit disc; the inverse of [`disc_from_direction`].
 pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     let frame = camera.frame();
     let radius = x.hypot(y).min(1.0);
@@ -108,7 +111,7 @@ pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     toward.normalize_or(DVec3::Z)
 }
 
-/// Anatomical letters of a direction, strongest first: `L`, `PS`, ...
+/// Returns the anatomical letters of a world direction (RAS+), the largest component first: `L`, `PS`, ...
 pub fn marks(direction: DVec3) -> String {
     let v = direction.normalize_or_zero();
     let mut axes = [(v.x, "R", "L"), (v.y, "A", "P"), (v.z, "S", "I")];

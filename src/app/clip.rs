@@ -1,14 +1,15 @@
-//! Geometry of clip planes: their intersection with the volume's box, and their handles.
+//! Geometry of clip planes for display: their intersection with the volume's bounding box, and the handles to drag
+//! them.
 
 use crate::scene::AxisView;
 use crate::transfer::ClipPlane;
 use glam::DVec3;
 
-/// Edges of a box by corner indices, whose bits are the sides along x, y and z.
+/// Edges of a box as pairs of corner indices. Bits 0, 1 and 2 of a corner index are its side along x, y and z.
 const EDGES: [[usize; 2]; 12] =
     [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
-/// Polygon of a plane within a box, world mm; empty where there is none.
+/// Polygon where a clip plane cuts a box, world mm; empty if the plane does not cut the box.
 pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
     let above = corners.map(|c| plane.normal.dot(c) - plane.offset_mm);
     let cut = |[a, b]: [usize; 2]| {
@@ -23,7 +24,8 @@ pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
     points
 }
 
-/// Handle of a plane, world mm: the centre of its polygon, or the nearest point to the box centre.
+/// Position of the handle of a clip plane, world mm: the centre of the polygon inside the box, or else the plane's
+/// point nearest to the box centre.
 pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     let points = outline(corners, plane);
     let on_plane = |p: DVec3| p + plane.normal * (plane.offset_mm - plane.normal.dot(p));
@@ -33,18 +35,18 @@ pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     }
 }
 
-/// Plane through the centre of a box that keeps the half away from a side.
+/// Clip plane through the centre of a box that cuts away the half on the side of an axis view.
 pub fn from_side(corners: &[DVec3; 8], view: &AxisView) -> ClipPlane {
     through_middle(corners, -view.away)
 }
 
-/// Plane through the centre of a box with a normal.
+/// Clip plane through the centre of a box with a given normal.
 pub fn through_middle(corners: &[DVec3; 8], normal: DVec3) -> ClipPlane {
     let normal = normal.normalize_or(DVec3::Z);
     ClipPlane { normal, offset_mm: normal.dot(corners.iter().sum::<DVec3>() / 8.0) }
 }
 
-/// Smallest and largest offset at which a plane cuts the box, mm.
+/// Smallest and largest offset at which a clip plane with a given normal cuts a box, mm.
 pub fn offsets_mm(corners: &[DVec3; 8], normal: DVec3) -> [f64; 2] {
     let along = corners.map(|c| normal.dot(c));
     [along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max)]

@@ -1,4 +1,4 @@
-//! Application without its native window: model, panels and events.
+//! Viewer application without its native window: application state, panels and event handling.
 
 use super::model::Model;
 use super::panels::difference::Difference;
@@ -22,15 +22,15 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Application state.
+/// State of the viewer application: the open volume with its settings, and the state of all panels.
 pub struct App {
-    /// Document and requests to other threads.
+    /// State shared by the panels: the open document and the requests to the render thread.
     pub model: Model,
-    /// Windows over the view.
+    /// State of the floating windows over the picture, such as the comparison of methods and the file prompt.
     pub windows: Windows,
-    /// Heat maps of the methods' errors.
+    /// State of the heat maps that show the error of each shadow method over the picture.
     pub difference: Difference,
-    /// Thumbnails of the presets.
+    /// List of transfer-function presets with a thumbnail of the open volume for each.
     pub presets: Presets,
     slices: Slices,
     strands: StrandsForm,
@@ -38,7 +38,8 @@ pub struct App {
 }
 
 impl App {
-    /// Starts the render thread on `gpu`; events wake `context`.
+    /// Creates the viewer application and starts its render thread on `gpu`. Events of the render thread repaint the
+    /// window of `context`.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -55,7 +56,8 @@ impl App {
         })
     }
 
-    /// Shows one frame. Without a `render_state` pictures are drawn but not shown (tests).
+    /// Runs one frame of the user interface. Without a `render_state` volume pictures are rendered but not shown
+    /// (tests).
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         self.handle_events();
         let context = ui.ctx().clone();
@@ -84,7 +86,7 @@ impl App {
         }
     }
 
-    /// Handles the events of other threads.
+    /// Handles results of background threads: finished volumes, pictures, probes, heat maps and exports.
     fn handle_events(&mut self) {
         self.model.take_reading();
         for event in self.model.thread.events() {
@@ -130,14 +132,14 @@ impl App {
         self.slices.reset(document);
     }
 
-    /// Takes the document, to continue on another device.
+    /// Moves the open document out of the application after the graphics device was lost, to continue on another one.
     pub fn into_resume(&mut self, why: String) -> Resume {
         let model = &mut self.model;
         let open = model.document.take().map(|d| (d, model.split, self.difference.only_choices()));
         Resume { why, settings: model.settings.clone(), open }
     }
 
-    /// Continues after a device loss.
+    /// Continues after a loss of the graphics device, with the document that was open.
     pub fn resume(&mut self, resume: Resume) {
         let text = format!("the graphics device was lost ({}); a new one is in use", resume.why);
         self.model.add_message(text, None, true);
@@ -148,7 +150,7 @@ impl App {
     }
 }
 
-/// Opens a dropped file by its extension.
+/// Opens a file dropped on the window: a transfer function or a volume, by the file's extension.
 fn take_dropped_files(model: &mut Model, context: &egui::Context) {
     let names = context.input(|i| {
         let path = |f: &egui::DroppedFileHandle| f.path().display().to_string();

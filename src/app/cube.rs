@@ -1,28 +1,28 @@
-//! Geometry of the orientation cube under a parallel projection. A face has nine cells: the centre for its own direction, the
-//! others for its edges and corners.
+//! Geometry of the orientation cube of the viewer, in parallel projection. Each cube face has nine clickable cells:
+//! the centre for the face's own direction, the others for its edges and corners.
 //!
 //! Lengths are in half edges, on screen x to the right and y up.
 
 use crate::scene::{AXIS_VIEWS, CameraFrame};
 use glam::{DVec2, DVec3, IVec3};
 
-/// Half size of a face's centre cell.
+/// Half size of the centre cell on a face of the orientation cube, in half edge lengths.
 const MIDDLE: f64 = 0.7;
-/// Minimum cosine between a visible face and the view direction.
+/// Minimum cosine between the normal of a cube face and the view direction at which the face counts as visible.
 const EDGE_ON: f64 = 1e-3;
 
-/// Visible cell.
+/// Visible clickable cell on a face of the orientation cube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// View direction: -1, 0 or 1 along each axis, RAS+.
+    /// Direction from the target to the camera that a click on this cell selects: -1, 0 or 1 along each axis, RAS+.
     pub away: IVec3,
-    /// Direction of the face.
+    /// Outward normal of the cube face that contains this cell.
     pub face: IVec3,
-    /// Corners on screen, in order.
+    /// Corners of this cube cell on screen, in order around the cell, in half edge lengths.
     pub corners: [DVec2; 4],
 }
 
-/// Axes along a face.
+/// Returns the two axes parallel to a face of the orientation cube.
 fn sides(face: IVec3) -> [IVec3; 2] {
     match face.abs() {
         IVec3::X => [IVec3::Y, IVec3::Z],
@@ -31,25 +31,25 @@ fn sides(face: IVec3) -> [IVec3; 2] {
     }
 }
 
-/// Visible faces by their directions, with the cosine to the view direction.
+/// Visible faces of the orientation cube: the normal of each, with its cosine to the direction towards the camera.
 pub fn faces(frame: &CameraFrame) -> impl Iterator<Item = (IVec3, f64)> {
     let away = -frame.forward;
     let facing = move |view: &crate::scene::AxisView| (view.away.as_ivec3(), view.away.dot(away));
     AXIS_VIEWS.iter().map(facing).filter(|(_, cosine)| *cosine > EDGE_ON)
 }
 
-/// Projection of a point.
+/// Projects a point of the orientation cube to the screen.
 pub fn on_screen(frame: &CameraFrame, point: DVec3) -> DVec2 {
     DVec2::new(point.dot(frame.right), point.dot(frame.up))
 }
 
-/// Corners of a face, in order.
+/// Corners of a face of the orientation cube, in order around the face.
 pub fn outline(face: IVec3) -> [DVec3; 4] {
     let [u, v] = sides(face).map(|side| side.as_dvec3());
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(a, b)| face.as_dvec3() + a * u + b * v)
 }
 
-/// Visible cells.
+/// Visible clickable cells of the orientation cube.
 pub fn cells(frame: &CameraFrame) -> Vec<Cell> {
     let range = |i: i32| match i {
         -1 => [-1.0, -MIDDLE],
@@ -70,7 +70,7 @@ pub fn cells(frame: &CameraFrame) -> Vec<Cell> {
     cells
 }
 
-/// Direction of the cell at a point on screen; `None` beside the cube.
+/// Direction of the orientation-cube cell at a point on screen; `None` outside the cube.
 pub fn hit(frame: &CameraFrame, at: DVec2) -> Option<IVec3> {
     let contains = |cell: &Cell| {
         let sides = [0, 1, 2, 3].map(|i| {
@@ -82,7 +82,8 @@ pub fn hit(frame: &CameraFrame, at: DVec2) -> Option<IVec3> {
     cells(frame).into_iter().find(contains).map(|cell| cell.away)
 }
 
-/// Direction from the target to the eye and up vector for a direction of the cube; the anatomical view where there is one.
+/// Camera placement for a direction picked on the orientation cube: direction from the target to the camera, and up
+/// vector. Directions along an axis use the anatomical axis view.
 pub fn view(away: IVec3) -> (DVec3, DVec3) {
     match AXIS_VIEWS.iter().find(|view| view.away.as_ivec3() == away) {
         Some(view) => (view.away, view.up),
@@ -90,7 +91,7 @@ pub fn view(away: IVec3) -> (DVec3, DVec3) {
     }
 }
 
-/// Name of a direction: `anterior`, `anterior left superior`.
+/// Anatomical name of a direction picked on the orientation cube: `anterior`, `anterior left superior`.
 pub fn name(away: IVec3) -> String {
     let parts = AXIS_VIEWS.iter().filter(|view| view.away.as_ivec3().dot(away) > 0);
     parts.map(|view| view.name.to_lowercase()).collect::<Vec<_>>().join(" ")

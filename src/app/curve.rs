@@ -1,4 +1,4 @@
-//! Edits of a transfer function. Every result can be written to a file.
+//! Edits of a transfer function in the viewer, with undo. Every edited transfer function can be written to a file.
 
 use crate::files::color;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
@@ -7,67 +7,68 @@ use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Edits of one kind within this time form one undo step.
+/// Maximum interval between two edits of one kind that form a single undo step.
 const ONE_EDIT: Duration = Duration::from_millis(700);
-/// Minimum extinction at the top of the editor, 1/mm.
+/// Minimum extinction at the upper end of the vertical axis of the transfer-function editor, 1/mm.
 const MIN_TOP: f64 = 1e-6;
 
-/// Edit of a transfer function.
+/// Edit of a transfer function, such as moving or adding a control point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Edit {
-    /// Moves a point; it stays between its neighbours.
+    /// Moves a control point of the transfer function. The point stays between its neighbours.
     Move {
-        /// Index of the point.
+        /// Index of the moved control point in the transfer function.
         index: usize,
-        /// Scalar value.
+        /// Scalar value to which the control point moves.
         value: f64,
-        /// Opacity, or extinction in 1/mm.
+        /// New opacity of the control point, or its new extinction in 1/mm.
         amount: f64,
     },
-    /// Adds a point with the function's colour at its value.
+    /// Adds a control point to the transfer function, with the colour that the function has at this scalar value.
     Add {
-        /// Scalar value.
+        /// Scalar value of the added control point.
         value: f64,
-        /// Opacity, or extinction in 1/mm.
+        /// Opacity of the added control point, or its extinction in 1/mm.
         amount: f64,
     },
-    /// Removes a point.
+    /// Removes a control point from the transfer function.
     Remove {
-        /// Index of the point.
+        /// Index of the control point to remove.
         index: usize,
     },
-    /// Sets a colour, rounded to the precision of a file.
+    /// Sets the colour of a control point, rounded to the precision of a transfer-function file.
     Color {
-        /// Index of the point.
+        /// Index of the control point whose colour is set.
         index: usize,
-        /// Linear RGB, 0 to 1.
+        /// New colour of the control point, linear RGB, 0 to 1.
         color: [f64; 3],
     },
-    /// Turns a point into a jump: adds a second point of its value.
+    /// Turns a control point into a discontinuity: adds a second control point at the same scalar value.
     Jump {
-        /// Index of the point.
+        /// Index of the control point that becomes a discontinuity of the transfer function.
         index: usize,
-        /// Opacity beyond the jump, or extinction in 1/mm.
+        /// Opacity of the transfer function above the discontinuity, or its extinction in 1/mm.
         amount: f64,
     },
-    /// Scales the extinction at every value.
+    /// Multiplies the extinction of the transfer function by one factor at every scalar value.
     Scale {
-        /// Positive factor.
+        /// Positive factor by which the extinction of the transfer function is multiplied.
         factor: f64,
     },
-    /// Shifts all values, and scales them about the centre of the points.
+    /// Shifts the control points of the transfer function along the value axis, and scales their distances to the
+    /// centre (window and level).
     Window {
-        /// Offset of every value.
+        /// Offset added to the scalar value of every control point.
         shift: f64,
-        /// Factor of the distance to the centre.
+        /// Factor that scales the distance of every control point to the centre of the control points.
         spread: f64,
     },
 }
 
-/// Applies an edit.
+/// Applies an edit to a transfer function and returns the edited function.
 ///
 /// # Errors
-/// A result that no file can hold, e.g. a third point of one value.
+/// An edited function that no file can store, e.g. with a third control point at one scalar value.
 pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'static str> {
     let mut tf = tf.clone();
     let highest = match tf.quantity {
@@ -137,7 +138,8 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
     Ok(tf)
 }
 
-/// Range of values of a point between its neighbours; it may coincide with one of them (a jump), not two.
+/// Range of scalar values to which a control point may move. It may coincide with one neighbour (a discontinuity),
+/// not with two.
 fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
     let value = |i: Option<usize>| i.and_then(|i| tf.points.get(i)).map(|p| p.value);
     let (before, before2) = (value(index.checked_sub(1)), value(index.checked_sub(2)));
@@ -148,7 +150,7 @@ fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
     if lo <= hi { [lo, hi] } else { [value(Some(index)).unwrap_or(0.0); 2] }
 }
 
-/// Amount at the top of the editor.
+/// Opacity, or extinction in 1/mm, at the upper end of the vertical axis of the transfer-function editor.
 pub fn top_of(tf: &TransferFunction) -> f64 {
     match tf.quantity {
         Quantity::Opacity => 1.0,
@@ -156,23 +158,24 @@ pub fn top_of(tf: &TransferFunction) -> f64 {
     }
 }
 
-/// Scale of the vertical axis.
+/// Scale of the vertical axis of the transfer-function editor: linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AmountAxis {
-    /// Linear scale.
+    /// Linear scale of opacity or extinction on the vertical axis of the transfer-function editor.
     Linear,
-    /// Logarithmic scale of four decades, with zero at the bottom.
+    /// Logarithmic scale on the vertical axis of the transfer-function editor: four decades, with zero at the bottom.
     Logarithmic,
 }
 
-/// Decades of the logarithmic axis.
+/// Number of decades on the logarithmic axis of the transfer-function editor.
 const DECADES: f64 = 4.0;
-/// Fraction of the logarithmic axis below its lowest decade, where amounts fall to zero.
+/// Fraction of the editor's logarithmic axis below its lowest decade. The axis is linear there, down to zero.
 const FOOT: f64 = 0.06;
 
 impl AmountAxis {
-    /// Height in `[0, 1]` of an amount.
+    /// Height in `[0, 1]` at which the transfer-function editor draws an opacity or extinction `amount`. `top` is the
+    /// amount at height 1.
     pub fn height(self, amount: f64, top: f64) -> f64 {
         let share = (amount / top).clamp(0.0, 1.0);
         let lowest = 10_f64.powf(-DECADES);
@@ -183,7 +186,8 @@ impl AmountAxis {
         }
     }
 
-    /// Amount at a height; inverse of [`Self::height`].
+    /// Opacity or extinction at a height in `[0, 1]` of the transfer-function editor; the inverse of
+    /// [`Self::height`].
     pub fn amount(self, height: f64, top: f64) -> f64 {
         let height = height.clamp(0.0, 1.0);
         let lowest = 10_f64.powf(-DECADES);
@@ -195,7 +199,7 @@ impl AmountAxis {
     }
 }
 
-/// Undo history of a transfer function.
+/// Undo history of the transfer function that the user edits.
 #[derive(Debug, Clone, Default)]
 pub struct History {
     undoer: Undoer<Arc<TransferFunction>>,
@@ -203,7 +207,7 @@ pub struct History {
 }
 
 impl History {
-    /// Records an edit, unless it continues the last one, as in a drag.
+    /// Records an edit of the transfer function as an undo step, unless it continues the last edit, as in a drag.
     pub fn note_edit(&mut self, [before, after]: [&Arc<TransferFunction>; 2], edit: Edit) {
         let kind = discriminant(&edit);
         if self.last.is_none_or(|(last, when)| last != kind || when.elapsed() >= ONE_EDIT) {
@@ -212,27 +216,27 @@ impl History {
         self.last = Some((kind, Instant::now()));
     }
 
-    /// Records a replacement.
+    /// Records the replacement of the whole transfer function as an undo step.
     pub fn note(&mut self, [before, after]: [&Arc<TransferFunction>; 2]) {
         self.last = None;
         self.undoer.add_undo(before);
-        // A change removes what could be redone; the time has no effect.
+        // The new state removes all redo steps; the time argument has no effect.
         self.undoer.feed_state(0.0, after);
     }
 
-    /// Restores the function before the last edit.
+    /// Undoes the last edit: restores the transfer function before it.
     pub fn undo(&mut self, now: &mut Arc<TransferFunction>) {
         self.last = None;
         self.undoer.undo(now).cloned().into_iter().for_each(|before| *now = before);
     }
 
-    /// Restores the function that was undone last.
+    /// Redoes the edit of the transfer function that was undone last.
     pub fn redo(&mut self, now: &mut Arc<TransferFunction>) {
         self.last = None;
         self.undoer.redo(now).cloned().into_iter().for_each(|after| *now = after);
     }
 
-    /// Whether an edit can be undone, and redone.
+    /// Whether the transfer function has an edit to undo, and an edit to redo.
     pub fn is_possible(&self, now: &Arc<TransferFunction>) -> [bool; 2] {
         [self.undoer.has_undo(now), self.undoer.has_redo(now)]
     }
@@ -243,7 +247,7 @@ mod tests {
     use super::*;
     use crate::transfer::presets::PRESETS;
 
-    /// Files of edited functions can be read again.
+    /// Every edited transfer function can be written to a file and read again.
     #[test]
     fn every_edit_leaves_a_function_that_a_file_can_hold() {
         let mut seed = 7_u64;
@@ -306,7 +310,7 @@ mod tests {
         assert_eq!(history.is_possible(&now), [false, true]);
         history.redo(&mut now);
         assert_eq!(now, second);
-        // Another edit replaces what could be redone.
+        // Another edit removes the redo steps.
         history.undo(&mut now);
         let third = Arc::new(apply(&first, Edit::Scale { factor: 2.0 }).unwrap());
         history.note([&first, &third]);

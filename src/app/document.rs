@@ -1,4 +1,5 @@
-//! Document: a volume with its transfer function, method and scene, and its scene file.
+//! Document of the viewer: an open volume with its transfer function, shadow method and scene. It can be saved as a
+//! scene file.
 
 use super::curve::{Edit, History, apply};
 use crate::engine::reading::{InitialState, OpenedVolume};
@@ -16,47 +17,51 @@ use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Open volume and the settings of its picture.
+/// Document of the viewer: the open volume with all settings that determine its picture.
 #[derive(Debug, Clone)]
 pub struct Document {
-    /// Source of the volume and the flags of its reading.
+    /// Path or name of the open volume, with the flags by which it was read.
     pub spec: VolumeSpec,
-    /// Volume.
+    /// Voxel data of the open volume.
     pub volume: Arc<Volume>,
-    /// Strands that the volume was made from.
+    /// Hair or fibre strands from which the open volume was voxelised, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Histogram of the values.
+    /// Histogram of the scalar values of the open volume.
     pub histogram: Arc<Histogram>,
-    /// Current transfer function.
+    /// Transfer function as edited by the user, with clip planes and rules for segmentation labels.
     pub tf: Arc<TransferFunction>,
-    /// Preset or file of the function, and its content.
+    /// Preset name or file path of the loaded transfer function, and the function as loaded, before edits.
     pub tf_source: (String, Arc<TransferFunction>),
-    /// Requested units and opacity scale, for presets and files loaded later.
+    /// Units of the scalar values and opacity scale that the user requested. Presets and transfer-function files
+    /// loaded later use them.
     pub suiting: Suiting,
-    /// Segmentation and the functions of its labels. Hidden labels and clip planes are in `tf`.
+    /// Segmentation of the open volume and the transfer functions of its labels. Hidden labels and clip planes are
+    /// stored in `tf`.
     pub parts: MaskFlags,
-    /// Undo history of the transfer function.
+    /// Undo history of the transfer function of the open volume.
     pub history: History,
-    /// Point selected in the editor.
+    /// Index of the control point selected in the transfer-function editor; `None` if none is selected.
     pub selected: Option<usize>,
-    /// Values at the editor's left and right edge; `None`: the range of the volume.
+    /// Scalar values at the left and right edge of the transfer-function editor. `None` selects the value range of
+    /// the volume.
     pub value_window: Option<[f64; 2]>,
-    /// Shadow method.
+    /// Shadow method of the picture, or of its left part in a split view.
     pub method: MethodSpec,
-    /// Method on the right of the split.
+    /// Shadow method of the right part of the picture in a split view, which compares two methods.
     pub other: MethodSpec,
-    /// Camera, lights and picture settings.
+    /// Scene of the picture: camera, lights, shading, background and picture size.
     pub scene: Scene,
-    /// Index of the edited light; see [`Self::chosen_light`].
+    /// Index of the light that the light panel edits; see [`Self::chosen_light`].
     pub chosen: usize,
-    /// Camera that reset restores.
+    /// Initial camera of the document, which the reset command restores.
     pub home: Camera,
-    /// Whether pictures are written without their background.
+    /// Whether exported picture files have a transparent background.
     pub transparent: bool,
 }
 
 impl Document {
-    /// Creates a document from an opened volume and its initial state.
+    /// Creates a viewer document from an opened volume, its initial settings, and the two shadow methods of a split
+    /// view.
     pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodSpec; 2]) -> Self {
         let tf = Arc::new(begin.tf);
         Self {
@@ -80,19 +85,19 @@ impl Document {
         }
     }
 
-    /// Replaces the voxels of the same strands; everything else stays.
+    /// Replaces the volume after its strands were voxelised again; all other settings of the document stay.
     pub fn take_voxels(&mut self, opened: OpenedVolume) {
         self.spec = opened.spec;
         self.volume = opened.volume;
         self.strands = opened.strands;
         self.histogram = opened.histogram;
-        // A preset fitted to the values changes: the current function then counts as edited.
+        // A preset that is fitted to the voxel values may change. The current function then counts as edited.
         if let Ok(found) = presets::resolve_as(&self.tf_source.0, &self.volume, self.suiting) {
             self.tf_source.1 = Arc::new(with_masks_of(found.tf, &self.tf));
         }
     }
 
-    /// The volume, for another device.
+    /// Returns the open volume in the form that the render thread uploads to another graphics device.
     pub fn opened(&self) -> OpenedVolume {
         OpenedVolume {
             spec: self.spec.clone(),
@@ -104,10 +109,10 @@ impl Document {
         }
     }
 
-    /// Edits the transfer function; successive edits of one kind are one undo step.
+    /// Applies an edit to the transfer function of the document. Successive edits of one kind form one undo step.
     ///
     /// # Errors
-    /// A result that no file can hold.
+    /// An edited function that no file can store.
     pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
         let tf = Arc::new(apply(&self.tf, edit)?);
         if tf != self.tf {
@@ -117,26 +122,26 @@ impl Document {
         Ok(())
     }
 
-    /// Replaces the transfer function as one undo step; clip planes and label rules stay.
+    /// Replaces the transfer function of the document as one undo step; clip planes and label rules stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
         self.set_tf(with_masks_of(tf, &self.tf), true);
         self.tf_source = (source, Arc::clone(&self.tf));
         self.selected = None;
     }
 
-    /// Whether the function differs from its preset or file.
+    /// Whether the transfer function differs from the preset or file that it was loaded from.
     pub fn tf_edited(&self) -> bool {
         !self.tf.is_same_function(&self.tf_source.1)
     }
 
-    /// Sets the clip planes; `begins` starts an undo step.
+    /// Sets the clip planes of the document. If `begins` is set, records an undo step.
     pub fn set_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
         if clip != self.tf.clip {
             self.set_tf(TransferFunction { clip, ..(*self.tf).clone() }, begins);
         }
     }
 
-    /// Hides exactly these labels, as an undo step.
+    /// Hides exactly these segmentation labels and shows all others, as one undo step.
     pub fn hide_labels(&mut self, labels: Vec<u32>) {
         let mut rules: Vec<LabelRule> =
             self.tf.rules.iter().filter(|rule| rule.visibility != LabelVisibility::Hidden).cloned().collect();
@@ -146,7 +151,7 @@ impl Document {
         self.set_tf(TransferFunction { rules, ..(*self.tf).clone() }, true);
     }
 
-    /// Replaces the whole function; `begins` starts an undo step.
+    /// Replaces the transfer function with its clip planes and label rules. If `begins` is set, records an undo step.
     fn set_tf(&mut self, tf: TransferFunction, begins: bool) {
         let tf = Arc::new(tf);
         if begins {
@@ -155,7 +160,7 @@ impl Document {
         self.tf = tf;
     }
 
-    /// Flags of labels and clip planes.
+    /// Returns the masks of the document as command-line flags: segmentation, hidden labels and clip planes.
     pub fn part_flags(&self) -> MaskFlags {
         let hidden = self.tf.rules.iter().filter(|rule| rule.visibility == LabelVisibility::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
@@ -166,14 +171,14 @@ impl Document {
         }
     }
 
-    /// Centre and radius of the bounding sphere, world mm.
+    /// Centre and radius of the bounding sphere of the volume, world mm.
     pub fn bounding_sphere(&self) -> (DVec3, f64) {
         let corners = self.volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
         (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
     }
 
-    /// Frames the visible part of the volume from the current direction.
+    /// Fits the camera to the visible part of the volume, from the current view direction.
     pub fn frame_visible(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
         let bounds = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
@@ -181,17 +186,17 @@ impl Document {
         self.scene.camera = bounds.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }
 
-    /// Index of the edited light; the last one where there are fewer.
+    /// Index of the light that the light panel edits, limited to the last light of the scene.
     pub fn chosen_light(&self) -> usize {
         self.chosen.min(self.scene.lights.len().saturating_sub(1))
     }
 
-    /// The edited light.
+    /// Returns the light source that the light panel edits.
     pub fn light(&self) -> LightSource {
         self.scene.lights.get(self.chosen_light()).copied().unwrap_or_default()
     }
 
-    /// The edited light, mutable.
+    /// Returns a mutable reference to the light source that the light panel edits.
     pub fn light_mut(&mut self) -> &mut LightSource {
         let place = self.chosen_light();
         if self.scene.lights.is_empty() {
@@ -200,8 +205,8 @@ impl Document {
         &mut self.scene.lights[place]
     }
 
-    /// Adds a white directional light and selects it, rotated by 120 degrees about the picture's up axis. Does nothing at the
-    /// maximum number of lights.
+    /// Adds a white directional light and selects it. Its direction is that of the edited light, rotated by 120
+    /// degrees about the picture's up axis. Does nothing at the maximum number of lights.
     pub fn add_light(&mut self) {
         if self.scene.lights.len() >= Scene::MOST_LIGHTS {
             return;
@@ -217,7 +222,7 @@ impl Document {
         self.chosen = self.scene.lights.len() - 1;
     }
 
-    /// Removes the edited light, unless it is the only one.
+    /// Removes the light that the light panel edits, unless it is the only one.
     pub fn remove_light(&mut self) {
         if self.scene.lights.len() > 1 {
             let place = self.chosen_light();
@@ -226,12 +231,13 @@ impl Document {
         }
     }
 
-    /// Scene file for `--scene`; `tf` is a preset or a path.
+    /// Returns the document as the text of a scene file for `--scene`. `tf` is the preset name or path of its
+    /// transfer function.
     ///
     /// # Errors
     /// See [`SceneSettings::to_toml`].
     pub fn scene_text(&self, tf: &str) -> Result<String> {
-        // A written function has its opacity scaled already.
+        // A transfer function written to a file already includes the opacity scale.
         let as_loaded = tf == self.tf_source.0 && !self.tf_edited();
         let opacity_scale = self.suiting.opacity_scale.filter(|_| as_loaded);
         let settings = SceneSettings {
@@ -245,7 +251,7 @@ impl Document {
         settings.to_toml()
     }
 
-    /// Writes a scene file; an edited function is written to a `.json` beside it.
+    /// Writes the document as a scene file. An edited transfer function is written to a `.json` file beside it.
     ///
     /// # Errors
     /// One of the files cannot be written.
@@ -262,7 +268,7 @@ impl Document {
     }
 }
 
-/// Copies clip planes and label rules to another function.
+/// Copies clip planes and rules for segmentation labels from the transfer function `before` to `tf`.
 fn with_masks_of(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
     let mut rules = before.rules.clone();
     for rule in &mut rules {

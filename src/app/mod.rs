@@ -1,12 +1,13 @@
-//! The window: a client of the library that holds no rendering logic.
+//! Interactive viewer window for volumes with shadows. It uses the library for all rendering and contains no
+//! rendering code.
 //!
 //! ```text
 //!  input ──> Model (document: volume, transfer function, method, scene) ──> FrameRequest ──> RenderThread
 //!              ^                                                                                   │
 //!              └── panels  <── App <── Event (frame, probe, export) <──────────────────────────────┘
 //! ```
-//! The window's thread draws widgets and the last finished picture, and never waits: reading, tables, maps and pictures
-//! run on other threads. The device is shared, so a picture is shown without a copy.
+//! The window's thread draws widgets and the last finished picture, and never waits: reading, tables, maps and
+//! pictures run on other threads. The device is shared, so a picture is shown without a copy.
 //!
 //! Imports go one way: `window` imports `contents`, that imports `panels` and `model`, and panels import the model.
 

@@ -1,4 +1,4 @@
-//! State shared by the panels: the document and requests to other threads.
+//! State shared by the panels of the viewer window: the open document, and the requests to background threads.
 
 use super::camera;
 use super::curve::Edit;
@@ -25,76 +25,76 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Time after which a note disappears.
+/// Time after which a note in the viewer window disappears. Errors stay.
 const NOTE_TIME: Duration = Duration::from_secs(8);
-/// Maximum number of messages.
+/// Maximum number of messages shown at once in the viewer window.
 const MAX_MESSAGES: usize = 5;
 
-/// Message at the bottom of the view.
+/// Message to the user, shown at the bottom of the picture: an error or a note.
 #[derive(Debug, Clone)]
 pub struct Message {
-    /// Text.
+    /// Text of the message to the user.
     pub text: String,
-    /// Hint.
+    /// Advice on how to correct the error that the message reports, if any.
     pub hint: Option<String>,
-    /// Errors stay until they are closed.
+    /// Whether the message is an error. Errors stay on screen until the user closes them; notes disappear.
     pub is_error: bool,
     since: Instant,
 }
 
-/// Running export.
+/// Progress of the picture export that is running.
 pub struct Exporting {
-    /// Output file.
+    /// Path of the picture file that the export writes.
     pub path: String,
-    /// Fraction that is done, 0 to 1.
+    /// Completed fraction of the picture export, 0 to 1.
     pub share: f32,
 }
 
-/// State shared by the panels.
+/// State shared by the panels of the viewer window: the open document, results of background threads, and messages.
 pub struct Model {
-    /// Thread that draws pictures and runs jobs.
+    /// Handle of the render thread, which renders pictures and runs probes, exports and other jobs.
     pub thread: RenderThread,
-    /// Callback of other threads for new events.
+    /// Callback by which a background thread wakes the viewer window when it has a result.
     pub wake: Wake,
-    /// Full name of the graphics adapter.
+    /// Full name of the graphics adapter that renders the pictures.
     pub adapter: String,
     loss: DeviceLoss,
-    /// Saved settings.
+    /// User settings of the viewer window, saved between sessions.
     pub settings: Settings,
-    /// Open document.
+    /// Document of the viewer: the open volume with its settings; `None` before a volume is opened.
     pub document: Option<Document>,
-    /// Running reading task.
+    /// Background task that reads a volume; `None` if no volume is being read.
     pub reading: Option<ReadTask>,
-    /// Running export.
+    /// Picture export that is running, with its progress; `None` if there is none.
     pub exporting: Option<Exporting>,
-    /// Last finished picture.
+    /// Last picture received from the render thread, coarse or at full quality.
     pub frame: Option<Frame>,
-    /// Last requested picture, to avoid identical requests.
+    /// Settings of the last requested picture, used to skip a request for an identical picture.
     pub requested: Option<FrameSettings>,
-    /// Whether the last picture is final and current.
+    /// Whether the picture on screen has full quality and belongs to the last request.
     pub settled: bool,
-    /// Division of the view between two methods.
+    /// Division of the picture between two shadow methods: split line or flicker.
     pub split: Split,
-    /// Last result of the probe.
+    /// Last result of the probe: transmittance curves along the light ray through the point that the user clicked.
     pub probe: Option<ProbeResult>,
-    /// Picture at the last probe request.
+    /// Settings of the picture at the last probe request, used to update the probe after a change.
     probed: Option<FrameSettings>,
-    /// Light of the last probe request.
+    /// Light for which the probe was requested last.
     probed_light: Option<Light>,
-    /// Messages below the view.
+    /// Errors and notes shown to the user at the bottom of the picture.
     pub messages: Vec<Message>,
-    /// Rectangle of the view, points.
+    /// Rectangle of the window in which the picture is shown, screen points; `None` before the first frame.
     pub view: Option<Rect>,
-    /// Number of the last request.
+    /// Number of the last picture request. Each request has a larger number than the one before.
     revision: u64,
-    /// Number of pictures received.
+    /// Number of pictures received from the render thread since the start.
     pub frames: u64,
-    /// Number of changes that did not alter the picture.
+    /// Number of edits since the start that did not alter the picture, because no voxel has the edited values.
     pub unchanged: u64,
 }
 
 impl Model {
-    /// Starts the render thread on `gpu`; events call `wake`.
+    /// Creates the viewer state and starts the render thread on `gpu`. The thread calls `wake` for each result.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -123,18 +123,18 @@ impl Model {
         })
     }
 
-    /// Shows an error.
+    /// Shows an error to the user at the bottom of the picture and writes it to the log.
     pub fn fail(&mut self, error: &Error) {
         tracing::info!("{error}");
         self.add_message(error.to_string(), error.hint.clone(), true);
     }
 
-    /// Shows a note.
+    /// Shows a note to the user at the bottom of the picture for a few seconds.
     pub fn note(&mut self, text: impl Into<String>) {
         self.add_message(text.into(), None, false);
     }
 
-    /// Shows a message; errors stay until they are closed.
+    /// Shows a message to the user at the bottom of the picture. Errors stay until the user closes them.
     pub fn add_message(&mut self, text: String, hint: Option<String>, is_error: bool) {
         self.messages.retain(|m| m.text != text);
         self.messages.push(Message { text, hint, is_error, since: Instant::now() });
@@ -143,7 +143,7 @@ impl Model {
         }
     }
 
-    /// Reports the result of writing a file.
+    /// Tells the user whether a file was saved.
     fn report_saved(&mut self, path: &Path, outcome: Result<()>) {
         match outcome {
             Ok(()) => self.note(format!("saved {}", path.display())),
@@ -151,21 +151,22 @@ impl Model {
         }
     }
 
-    /// Reason of the device loss; `None` where the device works.
+    /// Reason for the loss of the graphics device; `None` while the device works.
     pub fn lost(&self) -> Option<String> {
         self.loss.reason()
     }
 
     // Document.
 
-    /// Edits the transfer function; successive edits of one kind are one undo step.
+    /// Applies an edit to the transfer function of the open document. Successive edits of one kind form one undo
+    /// step.
     pub fn edit(&mut self, edit: Edit) {
         if let Some(Err(why)) = self.document.as_mut().map(|d| d.edit(edit)) {
             self.note(why);
         }
     }
 
-    /// Loads a transfer function by preset name or path.
+    /// Loads a transfer function by preset name or file path into the open document.
     pub fn load_tf(&mut self, name_or_path: &str) {
         let Some(document) = &mut self.document else {
             return self.note("open a volume before a transfer function");
@@ -179,47 +180,47 @@ impl Model {
         }
     }
 
-    /// Writes the transfer function.
+    /// Writes the transfer function of the open document to a file.
     pub fn save_tf(&mut self, path: &Path) {
         let Some(document) = &mut self.document else { return };
         let outcome = document.tf.write(path);
         if outcome.is_ok() {
             document.tf_source = (path.display().to_string(), Arc::clone(&document.tf));
-            // The written function includes the scale.
+            // The written transfer function includes the opacity scale.
             document.suiting.opacity_scale = None;
         }
         self.report_saved(path, outcome);
     }
 
-    /// Writes a scene file for the command line.
+    /// Writes the open document as a scene file, which the command line reads with `--scene`.
     pub fn save_scene(&mut self, path: &Path) {
         let Some(document) = &self.document else { return };
         let outcome = document.write_scene(path);
         self.report_saved(path, outcome);
     }
 
-    /// Undoes the last edit of the transfer function.
+    /// Undoes the last edit of the transfer function of the open document.
     pub fn undo(&mut self) {
         if let Some(document) = &mut self.document {
             document.history.undo(&mut document.tf);
         }
     }
 
-    /// Redoes the last undone edit.
+    /// Redoes the edit of the transfer function that was undone last.
     pub fn redo(&mut self) {
         if let Some(document) = &mut self.document {
             document.history.redo(&mut document.tf);
         }
     }
 
-    /// Looks from one of the six directions.
+    /// Moves the camera to one of the six axis views, given by its index in `AXIS_VIEWS`.
     pub fn look_from(&mut self, index: usize) {
         if let (Some(document), Some(view)) = (&mut self.document, AXIS_VIEWS.get(index)) {
             camera::look_from(&mut document.scene.camera, view);
         }
     }
 
-    /// Restores the initial camera.
+    /// Restores the camera that the document had when the volume was opened.
     pub fn reset_camera(&mut self) {
         if let Some(document) = &mut self.document {
             document.scene.camera = document.home;
@@ -228,7 +229,7 @@ impl Model {
 
     // Opening of volumes.
 
-    /// Starts to open a volume; the current document stays until the new one is ready.
+    /// Starts to read a volume in the background. The open document stays until the new volume is ready.
     pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
         match ReadTask::start(spec, with, Arc::clone(&self.wake)) {
             Ok(reading) => self.reading = Some(reading),
@@ -236,7 +237,8 @@ impl Model {
         }
     }
 
-    /// Opens another volume by its path or name with the current light and settings.
+    /// Opens a volume by its path or name with the current light and picture settings, or a `.toml` scene file with
+    /// its own settings.
     pub fn open_source(&mut self, source: &str) {
         if source.to_lowercase().ends_with(".toml") {
             match SceneRequest::read(Path::new(source)).map(|request| request.settings) {
@@ -256,12 +258,12 @@ impl Model {
         self.open(spec, with);
     }
 
-    /// Progress of the running reading.
+    /// Progress of the volume that is being read; `None` if no volume is being read.
     pub fn loading(&self) -> Option<Arc<Loading>> {
         self.reading.as_ref().map(|o| Arc::clone(&o.loading))
     }
 
-    /// Sends a finished volume to the device.
+    /// Checks whether the background task has read the volume, and sends the volume to the render thread for upload.
     pub fn take_reading(&mut self) {
         let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
@@ -271,24 +273,25 @@ impl Model {
         }
     }
 
-    /// Continues with the document of a lost device.
+    /// Continues with the document of a lost graphics device: uploads its volume to the new device.
     pub fn resume(&mut self, document: Document) {
         self.thread.push(Job::Upload(Box::new(document.opened())));
         self.document = Some(document);
     }
 
-    /// Shows an uploaded volume; `false` where it has to be read again.
+    /// Makes a volume that the render thread uploaded the open document. Returns `false` if the volume must be read
+    /// again.
     pub fn take_volume(&mut self, mut opened: OpenedVolume) -> bool {
         self.settings.opened(&opened.spec.source);
         let notes = std::mem::take(&mut opened.notes);
         match (opened.initial.take(), &mut self.document) {
             (Some(initial), _) => self.begin(opened, initial),
-            // The document of a lost device.
+            // The document that was open when the device was lost.
             (None, Some(document)) if Arc::ptr_eq(&document.volume, &opened.volume) => {}
             (None, Some(document)) if document.spec.source == opened.spec.source => {
                 document.take_voxels(opened);
             }
-            // Another volume was opened meanwhile: the settings of these strands are gone.
+            // Another volume was opened meanwhile, so the settings for these strands are gone.
             _ => {
                 self.open_as_is(opened.spec);
                 return false;
@@ -312,25 +315,26 @@ impl Model {
 
     // Render thread.
 
-    /// Whether the last picture is final and current, and nothing else runs.
+    /// Whether nothing is pending: the picture on screen is current and at full quality, and no reading or export
+    /// runs.
     pub fn is_settled(&self) -> bool {
         self.reading.is_none() && self.exporting.is_none() && self.settled
     }
 
-    /// Takes a picture.
+    /// Stores a picture from the render thread, to show it in the window.
     pub fn take_frame(&mut self, frame: Frame) {
         self.frames += 1;
         self.settled = frame.is_final && frame.revision == self.revision;
         self.frame = Some(frame);
     }
 
-    /// Takes the message that a change did not alter the picture.
+    /// Handles the message of the render thread that an edit did not alter the picture.
     pub fn take_unchanged(&mut self, revision: u64) {
         self.unchanged += 1;
         self.settled = revision == self.revision;
     }
 
-    /// Requests a picture file of any size, with or without background.
+    /// Requests the export of a picture file of the given width and height, pixels, with or without background.
     pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
         if let Err(e) = check_output(path, PICTURE_EXTENSIONS) {
@@ -351,7 +355,7 @@ impl Model {
         self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
     }
 
-    /// Takes the result of an export.
+    /// Reports the result of a picture export to the user.
     pub fn take_exported(&mut self, exported: Exported) {
         self.exporting = None;
         match exported.result {
@@ -361,7 +365,7 @@ impl Model {
         }
     }
 
-    /// Requests a probe.
+    /// Requests a probe: transmittance curves of the current shadow methods along the light ray through a point.
     pub fn probe(&mut self, target: ProbeTarget) {
         let Some(document) = &self.document else { return };
         let light = document.light().light;
@@ -376,7 +380,8 @@ impl Model {
         }));
     }
 
-    /// Requests the current picture, unless it was requested last.
+    /// Requests a picture of the open document from the render thread, unless the last request had identical
+    /// settings.
     pub fn ask(&mut self) {
         let Some(document) = &self.document else { return };
         let other = self.split.share.map(|_| &document.other);
@@ -408,13 +413,14 @@ impl Model {
         }
     }
 
-    /// Side of the split that flicker shows now, and the time until it changes, s.
+    /// Side of the split view that is shown now while two pictures alternate (0 left, 1 right), and the time until
+    /// the next change, s.
     pub fn flicker(&self, context: &egui::Context) -> Option<(usize, f64)> {
         self.frame.as_ref()?.other.as_ref()?;
         self.split.flicker_at(context.input(|i| i.time), self.settings.flicker_hz)
     }
 
-    /// Removes old notes; errors stay until they are closed.
+    /// Removes notes that were shown long enough. Errors stay until the user closes them.
     pub fn forget_notes(&mut self) {
         self.messages.retain(|m| m.is_error || m.since.elapsed() < NOTE_TIME);
     }

@@ -1,4 +1,4 @@
-//! Shape of a finished picture: the renderer's texture, stretched over a rectangle.
+//! Shape for the user interface that paints a rendered picture: the renderer's texture, scaled to a rectangle.
 
 use crate::render::DisplayTexture;
 use eframe::egui::{Color32, Rect, Shape, TextureId, pos2};
@@ -7,20 +7,20 @@ use eframe::wgpu::FilterMode;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Place of a picture in the window; each has its own texture id.
+/// Place in the viewer window where a rendered picture is shown. Each place has its own egui texture id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// Left (0) or right (1) of the split.
+    /// Picture of the left (0) or right (1) shadow method in the split view.
     Side(usize),
-    /// Row of the list of presets.
+    /// Thumbnail of a transfer-function preset, by the index of the preset.
     Preset(usize),
 }
 
-/// Texture ids by place, stored in egui's renderer.
+/// Textures and egui texture ids by their place in the window. They are stored in egui's renderer.
 #[derive(Default)]
 struct Registered(HashMap<Place, (Arc<DisplayTexture>, TextureId)>);
 
-/// Shape that paints a texture over `rect`.
+/// Returns an egui shape that paints a rendered texture over `rect`.
 pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, place: Place, state: &RenderState) -> Shape {
     let mut renderer = state.renderer.write();
     let registered = renderer.callback_resources.entry::<Registered>().or_insert_with(Registered::default);

@@ -1,4 +1,5 @@
-//! Recovery from a device loss: the document moves to a new window and device without reading the volume again.
+//! Recovery from the loss of the graphics device: the open document moves to a new window and device without reading
+//! the volume again.
 
 use super::document::Document;
 use super::panels::difference::Difference;
@@ -7,23 +8,24 @@ use super::split::Split;
 use crate::error::Error;
 use std::path::PathBuf;
 
-/// Document and settings at a device loss.
+/// Open document and window settings, saved when the graphics device was lost.
 pub struct Resume {
-    /// Reason given by the driver.
+    /// Reason for the loss of the graphics device, as the driver reports it.
     pub why: String,
-    /// Settings of the window.
+    /// User settings of the viewer window when the graphics device was lost.
     pub settings: Settings,
-    /// Document, split and heat map settings.
+    /// Open document with the settings of the split view and the error heat maps; `None` if no volume was open.
     pub open: Option<(Document, Split, Difference)>,
 }
 
 impl Resume {
-    /// Scene file for the case that no device can be opened.
+    /// Path of the scene file that saves the document if no graphics device can be opened after a device loss.
     pub fn recovery_path() -> Option<PathBuf> {
         Settings::path().map(|path| path.with_file_name("lost.toml"))
     }
 
-    /// Writes the scene file to `path` where no device can be opened, and returns the error.
+    /// Saves the document as a scene file at `path` because no graphics device can be opened. Returns the error to
+    /// report.
     pub fn give_up(&self, path: Option<PathBuf>) -> Error {
         let failed = Error::runtime("the graphics device was lost", "window", &self.why);
         let Some(((document, ..), path)) = self.open.as_ref().zip(path) else { return failed };

@@ -1,4 +1,4 @@
-//! Saved settings of the window.
+//! User settings of the viewer window, saved between sessions.
 
 use super::camera::Orbit;
 use super::curve::AmountAxis;
@@ -7,38 +7,38 @@ use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Maximum number of recent volumes.
+/// Maximum number of entries in the list of recently opened volumes.
 const MAX_RECENT: usize = 10;
 
-/// Settings in a TOML file of the user's configuration folder.
+/// User settings of the viewer window, saved as a TOML file in the user's configuration folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
-    /// Inner size of the window, points.
+    /// Width and height of the viewer window without its frame, screen points.
     pub window: [f32; 2],
-    /// Dark theme.
+    /// Whether the window uses the dark theme.
     pub dark: bool,
-    /// Camera rotation of a drag.
+    /// Mode of camera rotation by pointer drags: turntable or trackball.
     pub orbit: Orbit,
-    /// The editor's vertical axis.
+    /// Scale of the vertical axis of the transfer-function editor: linear or logarithmic.
     pub amount_axis: AmountAxis,
-    /// Logarithmic counts of the histogram.
+    /// Whether the histogram of the transfer-function editor shows the logarithm of its counts.
     pub log_histogram: bool,
-    /// Histogram weighted by the gradient magnitude.
+    /// Whether the histogram of the transfer-function editor is weighted by the gradient magnitude.
     pub gradient_histogram: bool,
-    /// Slices beside the view.
+    /// Whether volume slices are shown beside the picture.
     pub slices: bool,
-    /// Anatomical letters.
+    /// Whether anatomical letters (L, R, A, P, S, I) are shown over the picture.
     pub marks: bool,
-    /// The orientation cube.
+    /// Whether the orientation cube is shown over the picture.
     pub cube: bool,
-    /// Frequency of the flicker, changes per second.
+    /// Frequency at which flicker alternates between the pictures of two shadow methods, changes per second.
     pub flicker_hz: f64,
-    /// Recent volumes, the latest first.
+    /// Paths or names of recently opened volumes, the latest first.
     pub recent: Vec<String>,
-    /// Folder of the last file, with a separator at the end.
+    /// Folder of the file that was opened or saved last, with a path separator at the end.
     pub folder: String,
-    /// Last scene, as a scene file.
+    /// Last scene of the previous session, as the text of a scene file.
     pub last_scene: String,
 }
 
@@ -63,12 +63,14 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Path of the settings file.
+    /// Path of the file with the user settings of the viewer window; `None` if the system has no configuration
+    /// folder.
     pub fn path() -> Option<PathBuf> {
         dirs::config_dir().map(|folder| folder.join("umbravox").join("window.toml"))
     }
 
-    /// Reads the settings; the defaults where there are none or they are invalid.
+    /// Reads the user settings of the viewer window from their file. Uses the defaults if the file is missing or
+    /// invalid.
     pub fn read() -> Self {
         let text = Self::path().and_then(|path| std::fs::read_to_string(path).ok());
         let mut settings: Self = text.and_then(|t| toml::from_str(&t).ok()).unwrap_or_default();
@@ -80,7 +82,7 @@ impl Settings {
         settings
     }
 
-    /// Writes the settings; a failure is only logged.
+    /// Writes the user settings of the viewer window to their file. A failure is only logged.
     pub fn write(&self) {
         let Some(path) = Self::path() else { return };
         let Ok(text) = toml::to_string(self) else { return };
@@ -92,7 +94,7 @@ impl Settings {
         }
     }
 
-    /// Adds a volume to the recent ones.
+    /// Adds a volume to the top of the list of recently opened volumes.
     pub fn opened(&mut self, source: &str) {
         self.recent.retain(|r| r != source);
         self.recent.insert(0, source.to_owned());

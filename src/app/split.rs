@@ -1,27 +1,29 @@
-//! Split view of two methods: a movable line, or flicker between both pictures.
+//! Comparison of two shadow methods in one view: a movable split line, or flicker between both pictures.
 
 use std::ops::RangeInclusive;
 
-/// Range of the flicker frequency, changes per second.
+/// Range of the frequency at which flicker alternates between two pictures, changes per second.
 pub const RATES_HZ: RangeInclusive<f64> = 0.5..=8.0;
 pub const DEFAULT_RATE_HZ: f64 = 2.0;
 
-/// Division of the view.
+/// Division of the view between the pictures of two shadow methods: split line or flicker.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Split {
-    /// Position of the line as a fraction of the view's width; `None`: one method fills the view.
+    /// Position of the split line as a fraction of the view's width. `None` shows the picture of a single shadow
+    /// method.
     pub share: Option<f32>,
-    /// Start of the flicker, seconds of the interface's clock.
+    /// Start time of the flicker between two pictures, seconds of the user interface's clock; `None` if flicker is
+    /// off.
     flicker_since_s: Option<f64>,
 }
 
 impl Split {
-    /// Turns the split on, in the centre, or off.
+    /// Turns the split view of two shadow methods on, with the line in the centre, or off.
     pub fn set(&mut self, on: bool) {
         *self = Self { share: on.then_some(0.5), flicker_since_s: self.flicker_since_s.filter(|_| on) };
     }
 
-    /// Turns flicker on, with the split that it needs, or off.
+    /// Turns flicker between two shadow methods on or off. Flicker also turns the split view on.
     pub fn set_flicker(&mut self, on: bool, now_s: f64) {
         self.flicker_since_s = on.then_some(now_s);
         if on {
@@ -29,18 +31,19 @@ impl Split {
         }
     }
 
-    /// The split without flicker: another window has another clock.
+    /// Returns the split view with flicker turned off, because the clock of another window differs.
     #[must_use]
     pub fn without_flicker(self) -> Self {
         Self { flicker_since_s: None, ..self }
     }
 
-    /// Whether flicker is on.
+    /// Whether flicker between the pictures of two shadow methods is on.
     pub fn flickers(&self) -> bool {
         self.flicker_since_s.is_some()
     }
 
-    /// Picture that flicker shows at a time, 0 or 1, and the time until it changes, s.
+    /// Index of the picture that flicker shows at a time (0 left, 1 right), and the time until it changes, s. `None`
+    /// if flicker is off.
     pub fn flicker_at(&self, now_s: f64, rate_hz: f64) -> Option<(usize, f64)> {
         self.share?;
         let changes = ((now_s - self.flicker_since_s?) * rate_hz).max(0.0);

@@ -1,29 +1,30 @@
-//! Surface of the window, on a device that the render thread uses as well.
+//! wgpu surface of the viewer window, on a device that the render thread uses at the same time.
 //!
-//! eframe reconfigures the surface when the window is resized. wgpu does so only on an idle device and fails while the render
-//! thread submits. The surface then keeps the old size and the frame does not fit. [`Surface`] detects the failed calls and
-//! lets eframe reconfigure the surface again while the render thread is paused. Persistent failures are reported.
+//! eframe reconfigures the surface when the window is resized. wgpu does so only on an idle device and fails while
+//! the render thread submits. The surface then keeps the old size and the frame does not fit. [`Surface`] detects the
+//! failed calls and lets eframe reconfigure the surface again while the render thread is paused. Persistent failures
+//! are reported.
 
 use crate::error::Error;
 use crate::gpu::{Gpu, Sharing, Uncaptured};
 use eframe::{egui, egui_wgpu::SurfaceConfig};
 
-/// Number of failed frames in a row that is reported.
+/// Number of successive failed frames after which the failure of the window's surface is reported.
 const MAX_FAILURES: u32 = 30;
 
-/// Keeps the surface and the window the same size.
+/// Reconfigures the wgpu surface until it has the size of the window.
 pub struct Surface {
     sharing: Sharing,
     adapter: String,
     failures: Failures,
 }
 
-/// Number of failed frames in a row.
+/// Number of successive frames of the window that failed on the graphics device.
 #[derive(Default)]
 struct Failures(u32);
 
 impl Failures {
-    /// Counts a failed frame. Returns an error to report: once, not with every frame.
+    /// Counts a failed frame of the window. Returns an error to report only once, not for every frame.
     fn count(&mut self, error: Uncaptured) -> Option<String> {
         self.0 = self.0.saturating_add(1);
         ((error.out_of_memory && self.0 == 1) || self.0 == MAX_FAILURES).then_some(error.why)
@@ -31,13 +32,14 @@ impl Failures {
 }
 
 impl Surface {
-    /// Creates the state for a device.
+    /// Creates the surface handler for a graphics device.
     pub fn of(gpu: &Gpu) -> Self {
         let (sharing, adapter) = (gpu.sharing.clone(), gpu.info.name.clone());
         Self { sharing, adapter, failures: Failures::default() }
     }
 
-    /// Checks the last frame before the next one; returns an error to report.
+    /// Checks whether the last frame of the window failed on the device, before the next one is drawn. Returns an
+    /// error to report.
     pub fn before_frame(&mut self, context: &egui::Context, frame: &mut eframe::Frame) -> Option<Error> {
         let Some(error) = self.sharing.take_error() else {
             self.failures.0 = 0;
@@ -61,7 +63,8 @@ impl Surface {
     }
 }
 
-/// Configuration that is equal for wgpu (2 is its default) but not for egui, which then reconfigures the surface.
+/// Surface configuration that is equivalent for wgpu (a latency of 2 is its default) but differs for egui, which then
+/// reconfigures the surface.
 fn changed(config: SurfaceConfig) -> SurfaceConfig {
     let latency = config.desired_maximum_frame_latency;
     SurfaceConfig { desired_maximum_frame_latency: if latency.is_none() { Some(2) } else { None }, ..config }

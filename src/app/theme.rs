@@ -1,30 +1,30 @@
-//! Colours of the window. Every text has a contrast of at least [`MIN_CONTRAST`], also dim or disabled, in both themes and
-//! over any picture.
+//! Colours of the viewer window. Every text has a contrast of at least [`MIN_CONTRAST`], also dim or disabled text,
+//! in both themes and over any picture.
 
 use eframe::egui::style::{NumberFormatter, ScrollStyle};
 use eframe::egui::{self, Color32, Theme, Visuals};
 use std::ops::RangeInclusive;
 
-/// Contrast required by WCAG 2.1 (AA).
+/// Minimum contrast of text to its background that WCAG 2.1 (AA) requires.
 pub const MIN_CONTRAST: f64 = 4.5;
 
-/// Background of text over a picture.
+/// Dark translucent background of text over a rendered picture.
 pub const PLATE: Color32 = Color32::from_black_alpha(190);
-/// Text on a [`PLATE`].
+/// Colour of text on a dark [`PLATE`] over a rendered picture.
 pub const OVER_PICTURE: Color32 = Color32::from_gray(235);
-/// Less important text on a [`PLATE`].
+/// Colour of less important text on a dark [`PLATE`] over a rendered picture.
 pub const DIM_OVER_PICTURE: Color32 = Color32::from_gray(205);
-/// Background without a picture.
+/// Background colour of the picture area while there is no picture.
 pub const NO_PICTURE: Color32 = Color32::from_gray(12);
 
-/// Colours that egui does not define.
+/// Colours of the viewer window that egui's themes do not define.
 #[derive(Debug, Clone, Copy)]
 pub struct Colors {
-    /// Curves and names of both methods.
+    /// Colours of the curves and names of the two shadow methods in a split view.
     pub methods: [Color32; 2],
-    /// Probed point and its text.
+    /// Colour of the marks for the probed point in plots, and of their text.
     pub probe: Color32,
-    /// Bars of the histogram.
+    /// Colour of the histogram bars in the transfer-function editor.
     pub histogram: Color32,
 }
 
@@ -39,12 +39,12 @@ const LIGHT: Colors = Colors {
     histogram: Color32::from_gray(205),
 };
 
-/// Colours of the current theme.
+/// Returns the viewer's own colours for the current theme, dark or light.
 pub fn colors(visuals: &Visuals) -> &'static Colors {
     if visuals.dark_mode { &DARK } else { &LIGHT }
 }
 
-/// Applies a theme.
+/// Applies the dark or light colour theme to the user interface.
 pub fn show(context: &egui::Context, dark: bool) {
     let applied = egui::Id::unique("umbravox theme");
     if !context.data(|d| d.get_temp::<bool>(applied).unwrap_or(false)) {
@@ -61,7 +61,7 @@ pub fn show(context: &egui::Context, dark: bool) {
     context.set_theme(if dark { Theme::Dark } else { Theme::Light });
 }
 
-/// egui's number format, without a negative zero.
+/// Formats a number like egui, but never as negative zero.
 fn number(x: f64, decimals: RangeInclusive<usize>) -> String {
     let text = egui::emath::format_with_decimals_in_range(x, decimals);
     match text.strip_prefix('-') {
@@ -100,12 +100,12 @@ fn visuals(theme: Theme) -> Visuals {
     v
 }
 
-/// Blends a colour over another by sRGB codes, as the window does.
+/// Blends a translucent colour over another in sRGB values, as the window does.
 pub fn over(color: Color32, back: Color32) -> Color32 {
     back.blend(color)
 }
 
-/// Contrast of two opaque colours by WCAG, 1 to 21.
+/// Contrast ratio of two opaque colours by WCAG, 1 to 21.
 pub fn contrast(text: Color32, back: Color32) -> f64 {
     let luminance = |c: Color32| {
         let [r, g, b] = [c.r(), c.g(), c.b()].map(|code| {
@@ -142,7 +142,7 @@ mod tests {
         }
     }
 
-    /// Text colours and their backgrounds.
+    /// Text colours of a theme, each with the background that it is drawn on.
     fn pairs(v: &Visuals) -> Vec<(String, Color32, Color32)> {
         let colors = colors(v);
         let stripe = over(v.faint_bg_color, v.panel_fill);

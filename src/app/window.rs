@@ -1,4 +1,4 @@
-//! Native window on the device that draws the pictures.
+//! Native viewer window, which shares its graphics device with the render thread.
 
 use super::contents::App;
 use super::resume::Resume;
@@ -12,44 +12,45 @@ use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Start options of the window.
+/// Options with which the viewer window starts.
 pub struct Start {
-    /// Scene to open; `None` opens the last one.
+    /// Scene that the window opens at its start. `None` opens the last scene of the previous session.
     pub scene: Option<SceneSettings>,
-    /// Part of the adapter's name; `None`: the system's choice.
+    /// Part of the name of the graphics adapter to use. `None` lets the system choose.
     pub adapter: Option<String>,
-    /// Whether the window ignores the saved settings and saves none.
+    /// Disables reading and writing of the window's settings file.
     pub clean: bool,
-    /// Hook into every frame, for tests and screenshots.
+    /// Hook that runs in every frame of the window, for tests and screenshots.
     pub hook: Option<Box<dyn FrameHook>>,
 }
 
-/// Hook into the frames of the window, which can replace the user.
+/// Hook into every frame of the viewer window. It can take the place of the user in tests and screenshots.
 pub trait FrameHook: Send {
-    /// Initial size of the window, points; `None`: the last one.
+    /// Initial size of the viewer window, screen points. `None` selects the size in the user's settings.
     fn window_size(&self) -> Option<[f32; 2]>;
-    /// Adds input before a frame.
+    /// Adds simulated user input before a frame of the window.
     fn input(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput);
-    /// Runs before the interface of a frame; a result closes the window.
+    /// Runs before the user interface of a frame is built. Returning a result closes the window with that result.
     fn before_frame(&mut self, app: &mut App, frame: &eframe::Frame) -> Option<Result<()>>;
-    /// Runs after all widgets of a frame are laid out.
+    /// Runs after all widgets of a frame of the window have been laid out.
     fn after_frame(&mut self, context: &egui::Context);
 }
 
-/// End of a window.
+/// Reason why a viewer window ended: closed, or the graphics device was lost.
 enum Ended {
     Closed(Result<()>),
-    /// The device was lost; a hook continues in the next window.
+    /// The graphics device was lost. The document, and the frame hook if any, continue in the next window.
     Lost(Box<Resume>, Option<Box<dyn FrameHook>>),
 }
 
-/// A device lost within this time counts as unusable.
+/// Minimum time that a graphics device must work. A device lost sooner is not replaced by a new one.
 const MIN_LIFETIME: Duration = Duration::from_secs(2);
-/// Losses within a time after which the window gives up.
+/// Number of device losses within `LOSSES_WITHIN` after which the viewer gives up.
 const MAX_LOSSES: usize = 3;
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 
-/// Opens the window and returns when it is closed. After a device loss a new window continues with the same document.
+/// Opens the viewer window and returns when it is closed. After a loss of the graphics device, a new window continues
+/// with the same document.
 ///
 /// # Errors
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
@@ -76,7 +77,7 @@ pub fn run(start: Start) -> Result<()> {
     }
 }
 
-/// Opens a window with a scene, or with the document of a lost device.
+/// Opens one viewer window with a scene, or with the document of a lost graphics device.
 fn open(
     adapter: Option<&str>,
     clean: bool,
@@ -114,7 +115,7 @@ fn open(
     // An error is reported after the window has closed.
     let outcome = Arc::new(Mutex::new(Ended::Closed(Ok(()))));
     let reported = Arc::clone(&outcome);
-    // Where no window opens, the document is still here.
+    // If no window opens, the document is still in `resume`.
     let resume = Arc::new(Mutex::new(resume));
     let to_resume = Arc::clone(&resume);
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
@@ -143,12 +144,12 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Last scene of the settings, where it is valid.
+/// Parses the last scene that is saved in the user's settings; `None` if it is missing or invalid.
 fn last_scene(text: &str) -> Option<SceneSettings> {
     if text.is_empty() { None } else { SceneRequest::from_toml(text).ok().map(|request| request.settings) }
 }
 
-/// Selects the adapter whose name contains `name`, in any case.
+/// Returns a selector of the graphics adapter whose name contains `name`, ignoring case.
 fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
     let wanted = name.to_lowercase();
     Arc::new(move |adapters: &[wgpu::Adapter], _| {
@@ -158,15 +159,15 @@ fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
     })
 }
 
-/// Application of eframe.
+/// Viewer window as an application of the eframe library.
 struct Window {
     app: App,
     surface: Surface,
-    /// Time of the last write of the settings; `None` with `--clean`.
+    /// Time at which the user settings were written last; `None` with `--clean`, which never writes them.
     last_write: Option<Instant>,
     hook: Option<Box<dyn FrameHook>>,
     outcome: Arc<Mutex<Ended>>,
-    /// The device is lost and the window is closing.
+    /// Whether the graphics device is lost and the window is closing.
     ended: bool,
 }
 
@@ -191,7 +192,7 @@ impl Window {
     }
 }
 
-/// Interval between two writes of the settings.
+/// Time between two writes of the user settings while the window is open.
 const WRITE_INTERVAL: Duration = Duration::from_secs(20);
 
 impl eframe::App for Window {
@@ -227,7 +228,8 @@ impl eframe::App for Window {
         }
     }
 
-    /// Panel colour: panels have no fill, which saves a software adapter most pixels of the window.
+    /// Clears the window to the panel colour. The panels need no fill of their own, which saves most pixels on a
+    /// software adapter.
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
         visuals.panel_fill.to_normalized_gamma_f32()
     }

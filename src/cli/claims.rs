@@ -1,4 +1,4 @@
-//! `umbravox claims`: what the papers of the methods claim, tried.
+//! `umbravox claims`: tests claims of the shadow methods' papers by measurement.
 
 use super::console::{load_scene, progress_bar, show_step};
 use super::table_flags::TableFlags;
@@ -14,37 +14,38 @@ use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scen
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Points, light rays and depths: enough for verdicts, so that all claims take minutes on two cores.
+/// Sample counts for testing claims of papers: enough points, light rays and depths for a verdict, yet all claims
+/// take only minutes on two cores.
 const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check_all: false };
 
-/// Try what the methods' papers claim with a figure or a comparison: what was claimed, what is measured here, whether it holds
+/// Test claims of the shadow methods' papers: what a paper claims, what is measured here, and whether the claim holds
 #[derive(Debug, Args)]
 pub struct ClaimsArgs {
     #[command(flatten)]
     table: TableFlags,
-    /// Only claims of this paper, by an author's name: kim, hadwiger, yuksel, voicu; may be given again
+    /// Test only claims of this paper, by an author's name: kim, hadwiger, yuksel, voicu; may be given several times
     #[arg(long = "paper", value_name = "NAME")]
     pub papers: Vec<String>,
-    /// Try every claim on this scene instead of the built-in stand-ins; may be given again
+    /// Test every claim on this scene instead of the built-in scenes; may be given several times
     #[arg(long, value_name = "FILE.toml")]
     pub scene: Vec<PathBuf>,
-    /// Timed runs of each method, after warm-up
+    /// Number of timed runs of each shadow method, after warm-up
     #[arg(long, value_name = "N", default_value_t = EFFORT.repeats as u32,
         value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: u32,
 }
 
-/// Runs the command.
+/// Runs the `claims` command: tests claims of papers and writes a table of verdicts.
 ///
 /// # Errors
-/// Bad input, or a failure of the device or disk. What verdicts there are is no error.
+/// Bad input, or a failure of the device or disk. A claim that does not hold is not an error.
 pub fn run(args: &ClaimsArgs) -> Result<()> {
     let mut claims = all()?;
     let papers = args.papers.iter().map(|name| find_paper(name, &claims)).collect::<Result<Vec<_>>>()?;
     claims.retain(|c: &Claim| papers.is_empty() || papers.contains(&c.paper));
     args.table.check("claims")?;
     let given = given_scenes(&args.scene)?;
-    // A mistake in the last file is not to be found minutes later.
+    // Reads all scenes first, so that an error in the last file is found at once.
     for (name, settings) in &given {
         settings.one_light("claims").map_err(|e| e.at(name))?;
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
@@ -74,7 +75,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))
 }
 
-/// Scene files by their names without ending, which must differ.
+/// Reads scene files and names each by its file name without extension. Fails if two names are equal.
 fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
     let mut given: Vec<(String, SceneSettings)> = Vec::new();
     for path in paths {
@@ -87,12 +88,12 @@ fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
     Ok(given)
 }
 
-/// The stand-in of a name that is not one of a given scene.
+/// Built-in scene of a given name, unless a scene file on the command line has that name.
 fn stand_in(name: &str, given: &[(String, SceneSettings)]) -> Option<&'static StandIn> {
     STAND_INS.iter().find(|s| s.name == name && given.iter().all(|(other, _)| other != name))
 }
 
-/// The settings of a scene that was given, or of a stand-in.
+/// Settings of a scene file on the command line, or of a built-in scene, by its name.
 fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSettings> {
     if let Some((_, settings)) = given.iter().find(|(n, _)| n == name) {
         return Ok(settings.clone());

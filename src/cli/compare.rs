@@ -1,4 +1,4 @@
-//! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
+//! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
 use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
 use super::interrupt::Interrupt;
@@ -26,82 +26,86 @@ use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Write the error-against-time table of several shadow methods, with plots and pictures
+/// Write a table of error, time and memory of several shadow methods, with plots and pictures
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The folder for tables, plots and pictures; made when it is missing
+    /// Folder for the tables, plots and pictures of the comparison; created if it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Resume a run of the same scenes and settings in DIR
+    /// Resume an interrupted comparison of the same scenes and settings in DIR
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Remove all files of a table from DIR, and no others, and start again
+    /// Remove all files of an earlier comparison from DIR, and no others, and start again
     #[arg(long)]
     pub overwrite: bool,
-    /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    /// Shadow methods separated by `;`. A value without `=` is another value of the setting before it; each
+    /// combination of values becomes a table row
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
-    /// Search the settings of each method of --methods for its least errors within a budget of bytes, or of milliseconds
-    /// for build and frame, and add them as rows: bytes=2MiB,8MiB or ms=50; may be given several times
+    /// Also search the settings of each method of --methods for its smallest errors within a budget of memory, or of
+    /// build plus frame time in ms, and add them as table rows: bytes=2MiB,8MiB or ms=50; may be given several times
     #[arg(long, value_name = "BUDGET")]
     pub budget: Vec<String>,
-    /// Measure the effect of each skipped step of the plan: times and bytes with it done
+    /// Measure the effect of each optimization that skips work: times and memory with that work done
     #[arg(long)]
     pub ablate: bool,
-    /// Measure each light of a scene with several lights alone, too, as a scene of its own
+    /// Also measure each light of a scene with several lights alone, as a separate scene
     #[arg(long)]
     pub each_light: bool,
-    /// Measure only shard I of N of the table's rows, I from 1 to N; `umbravox merge` combines the shards
+    /// Measure only shard I of the table's rows divided into N shards, I from 1 to N; `umbravox merge` combines the
+    /// shards
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
     #[command(flatten)]
     pub layout: LayoutFlags,
-    /// Timed runs of each method, after warm-up
+    /// Number of timed runs of each shadow method, after warm-up
     #[arg(long, value_name = "N", default_value_t = Effort::default().repeats as u32,
         value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: u32,
-    /// Visible points, for point_err_*
+    /// Number of visible points at which transmittance errors are measured (columns point_err_*)
     #[arg(long, value_name = "N", default_value_t = Effort::default().points as u32,
         value_parser = clap::value_parser!(u32).range(Effort::POINTS))]
     pub points: u32,
-    /// Light rays, for ray_err_max and bound_held
+    /// Number of light rays along which errors and error bounds are tested (columns ray_err_max and bound_held)
     #[arg(long, value_name = "N", default_value_t = Effort::default().rays as u32,
         value_parser = clap::value_parser!(u32).range(Effort::RAYS))]
     pub rays: u32,
-    /// Depths on each light ray
+    /// Number of depths tested on each light ray
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
-    /// Light rays to check: a sample (--rays), or all: that of every texel, at every node besides the depths
+    /// Light rays to test: a sample (--rays), or all: the ray of every shadow map texel, also at the depths of all
+    /// curve nodes
     #[arg(long, value_enum, default_value_t = Checked::Sample)]
     pub check: Checked,
 }
 
-/// Light rays that are compared with the exact ones.
+/// Light rays along which a shadow method's transmittance is compared with the exact transmittance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Checked {
-    /// A sample, spread over the lit surface.
+    /// Sample of light rays, spread over the lit surface.
     Sample,
-    /// The ray of every texel.
+    /// Light ray of every shadow map texel.
     All,
 }
 
-/// Layout of the tables for reading.
+/// Flags for the layout of comparison tables: columns and width.
 #[derive(Debug, Args)]
 pub struct LayoutFlags {
-    /// Columns of compare.md, compare.tex and the table on the terminal, by their names in compare.csv, separated by
-    /// commas [default: a few; in compare.md most]
+    /// Columns of the comparison table in compare.md, compare.tex and on the terminal: names from compare.csv,
+    /// separated by commas [default: a few; in compare.md most]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
-    /// Width that compare.tex must fit, and of grid.pdf, points [default: 455, an A4 page with margins of 2.5 cm]
+    /// Width of grid.pdf, and maximum width of the table in compare.tex, points [default: 455, an A4 page with
+    /// margins of 2.5 cm]
     #[arg(long, value_name = "PT", value_parser = tex_width_pt)]
     pub tex_width: Option<f64>,
 }
 
 impl LayoutFlags {
-    /// Checked layout.
+    /// Returns the table layout that the flags select, after checking the names of its columns.
     ///
     /// # Errors
     /// An unknown column.
@@ -121,7 +125,7 @@ fn tex_width_pt(text: &str) -> Result<f64, String> {
     width.ok_or_else(|| "expected a width of 100 to 5000 points".into())
 }
 
-/// Runs the command.
+/// Runs the `compare` command: measures shadow methods on scenes, and writes tables, plots and pictures.
 ///
 /// # Errors
 /// Bad input, a failure of the device or disk, an interruption, or (after everything is written) a row that failed.
@@ -179,7 +183,8 @@ pub fn run(args: CompareArgs) -> Result<()> {
     publish(made, &output, &args.output, &layout)
 }
 
-/// Measures the rows of this run, with progress on the terminal; an interrupt ends it.
+/// Measures the rows of the comparison table, with progress on the terminal. An interrupt (Ctrl-C) stops it between
+/// two steps.
 fn measure_rows(
     run: &Run,
     budgets: &[Budget],
@@ -210,7 +215,7 @@ fn measure_rows(
     made
 }
 
-/// Progress bar that stops at interrupts between two steps.
+/// Progress bar of a comparison, which stops at an interrupt between two steps.
 struct Bar<'a> {
     bar: &'a ProgressBar,
     interrupt: &'a Interrupt,
@@ -226,14 +231,14 @@ impl Watch for Bar<'_> {
     }
 }
 
-/// Error of an interrupted run.
+/// Error of an interrupted comparison: states how many rows are finished and how to resume.
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
     let why = format!("{} of {count} rows are finished and recorded", journal.recorded().min(count));
     Error::runtime("interrupted", folder.display(), why).hint("the same command line with --resume continues")
 }
 
-/// Parses budgets without repetitions.
+/// Parses the budgets of `--budget` and removes repetitions.
 fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     let parse = |text: &String| Budget::parse_list(text).map_err(|e| e.at("--budget"));
     let all = texts.iter().map(parse).collect::<Result<Vec<_>>>()?.concat();
@@ -241,7 +246,8 @@ fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     Ok(all.iter().enumerate().filter(is_first).map(|(_, budget)| *budget).collect())
 }
 
-/// Reads every scene first, so that an error in the last one is found at once; returns their records, and the first scene.
+/// Reads every scene before the measurements, so that an error in the last scene is found at once. Returns the record
+/// of each scene, and the first scene with its volume.
 fn read_all(
     scenes: Vec<SceneSettings>,
     paths: &[PathBuf],
@@ -278,7 +284,7 @@ fn read_all(
     Ok((recorded, first.ok_or_else(none)?))
 }
 
-/// Writes the files, prints the table, and lists the files.
+/// Writes the files of a finished comparison, prints its table, and lists the files.
 fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Result<()> {
     let all = &made.comparison;
     all.notes.iter().for_each(|note| print_message("note", note));
@@ -304,7 +310,7 @@ fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Res
     verdict(&rows, folder)
 }
 
-/// Lists the files on stderr.
+/// Lists the files that a comparison wrote on stderr.
 pub fn list_files(files: &Files) {
     files.remarks.iter().for_each(|remark| print_message("note", remark));
     let report = [files.report.clone()];
@@ -319,7 +325,8 @@ pub fn list_files(files: &Files) {
     }
 }
 
-/// The adapter of all scenes: times on several adapters are not comparable.
+/// Graphics adapter that the scene files name. Fails if they name different ones, since times on several adapters are
+/// not comparable.
 fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
     let mut named = requests.iter().map(|request| &request.run.adapter);
     let first = named.next().cloned().flatten();
@@ -331,7 +338,7 @@ fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
     Ok(first)
 }
 
-/// Fails if a row failed, with the reason of the first.
+/// Fails if a row of the comparison table failed, with the reason of the first failed row.
 fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
     let mut failed = rows.iter().filter(|r| r.has_failed()).peekable();
     let Some(first) = failed.peek() else { return Ok(()) };
@@ -341,12 +348,13 @@ fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
     Err(Error::runtime(what, folder.join("compare.csv").display(), why))
 }
 
-/// A scene file's name without its ending.
+/// Returns the name of a scene file without folder and extension.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// Appends a number to the name where another scene has it, or would have files of the same names.
+/// Makes a scene name unique: appends a number if another scene has that name, or its files would have the same
+/// names.
 fn unused_name(name: String, used: &[String]) -> String {
     let taken = |name: &str| used.iter().any(|u| file_name_part(u) == file_name_part(name));
     let numbered = (2..).map(|n| format!("{name}-{n}"));

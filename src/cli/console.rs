@@ -1,4 +1,4 @@
-//! Terminal output: results on stdout, everything else on stderr.
+//! Terminal output of the commands: results on stdout, messages and progress on stderr.
 
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::io::{self, Write};
 
-/// Prints a result to stdout; a closed pipe (`| head`) is no error.
+/// Prints the result of a command to stdout. A closed pipe (`| head`) is not an error.
 ///
 /// # Errors
 /// stdout cannot be written, e.g. because the disk is full.
@@ -20,7 +20,7 @@ pub fn print_result(text: &impl std::fmt::Display) -> Result<()> {
     }
 }
 
-/// Prints `KIND: TEXT` to stderr.
+/// Prints a message for the user to stderr, in the form `KIND: TEXT`.
 pub fn print_message(kind: &str, text: &impl std::fmt::Display) {
     let text: String =
         text.to_string().chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
@@ -28,7 +28,7 @@ pub fn print_message(kind: &str, text: &impl std::fmt::Display) {
     let _ = writeln!(io::stderr(), "{kind}: {text}");
 }
 
-/// Loads a scene, and prints its notes and warnings to stderr.
+/// Loads a scene with its volume, and prints notes and warnings to stderr.
 ///
 /// # Errors
 /// See [`SceneSettings::load`].
@@ -38,7 +38,7 @@ pub fn load_scene(settings: &SceneSettings) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Progress bar on stderr, where that is a terminal.
+/// Creates a progress bar on stderr. It is shown only if stderr is a terminal.
 ///
 /// # Errors
 /// A template that is not well-formed.
@@ -48,7 +48,7 @@ pub fn progress_bar(length: u64, template: &str) -> Result<ProgressBar> {
     Ok(ProgressBar::new(length).with_style(style))
 }
 
-/// Shows the running step and the estimated time of the others.
+/// Shows the running step and the estimated remaining time of a measurement on a progress bar.
 pub fn show_step(bar: &ProgressBar, status: &Status) {
     bar.set_length(status.total as u64);
     bar.set_position(status.done as u64);
@@ -57,7 +57,7 @@ pub fn show_step(bar: &ProgressBar, status: &Status) {
     bar.set_message(format!("{left}{}", status.what));
 }
 
-/// Prints a result as JSON to stdout.
+/// Prints the result of a command as JSON to stdout.
 ///
 /// # Errors
 /// See [`print_result`].

@@ -1,4 +1,4 @@
-//! `umbravox convert`: converts a volume from any format to any writable one.
+//! `umbravox convert`: converts a volume from any readable file format to any writable one.
 
 use super::console::print_message;
 use crate::error::Result;
@@ -8,20 +8,21 @@ use crate::open::{ReadFlags, VolumeSpec, load};
 use clap::Args;
 use std::path::PathBuf;
 
-/// Convert a volume to another format; values and affine stay the same
+/// Convert a volume to another file format; voxel values and affine stay the same
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
-    /// Any volume that can be read: a file, a DICOM folder, strands, phantom:NAME[:SIZE]
+    /// Volume to convert: a file, a DICOM folder, strands, or a built-in volume phantom:NAME[:SIZE]
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
-    /// Output file: .nii, .nii.gz, .nrrd, .npy or .raw; the last two get a .json with grid, scaling and affine
+    /// Output file of the volume: .nii, .nii.gz, .nrrd, .npy or .raw; .npy and .raw get an extra .json with grid,
+    /// scaling and affine
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
 
-/// Runs the command.
+/// Runs the `convert` command: reads a volume and writes it in another file format.
 ///
 /// # Errors
 /// The volume cannot be read, or the file cannot be written.

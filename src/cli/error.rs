@@ -1,10 +1,10 @@
-//! Errors of clap in the form of this program: one line, and a hint.
+//! Errors of the command-line parser clap, converted to the form of this program: one line and a hint.
 
 use crate::error::Error;
 use crate::open::flag_error;
 use clap::error::ContextKind as Kind;
 
-/// Converts an error of clap; `command` names the command whose help the hint suggests.
+/// Converts an error of the command-line parser clap. `command` is the command whose `--help` the hint suggests.
 pub fn from_clap(e: &clap::Error, command: Option<&str>) -> Error {
     let first = |kinds: &[Kind]| {
         let mut texts = kinds.iter().filter_map(|kind| e.get(*kind)).map(ToString::to_string);

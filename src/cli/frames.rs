@@ -1,4 +1,4 @@
-//! Pictures of a rotation: `render --turntable` and `--light-sweep`.
+//! Pictures of a full rotation of the camera or the lights: `render --turntable` and `render --light-sweep`.
 
 use super::console::{print_message, progress_bar};
 use super::interrupt::Interrupt;
@@ -13,29 +13,29 @@ use crate::shadow::Method;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Extensions of the output files.
+/// File extensions of the pictures or the animation of a rotation.
 const EXTENSIONS: &[&str] = &["png", "exr", "npy", "apng", "gif"];
 
-/// Default frames per second.
+/// Default number of frames per second of an animation file.
 const DEFAULT_FPS: f64 = 10.0;
 
-/// Text chunks of a picture file, by key.
+/// Text chunks (metadata) of a picture file, as pairs of key and text.
 pub type Texts = Vec<(String, String)>;
 
-/// Flags of a rotation.
+/// Flags of `render` for a full rotation of the camera or the lights.
 #[derive(Debug, Clone, Args)]
 pub struct FrameFlags {
     /// Draw N pictures of a full rotation of the camera around its target: 360/N degrees around --up per picture,
-    /// counterclockwise as seen from above. The first is the picture without this flag
+    /// counterclockwise as seen from above. The first picture is the one drawn without this flag
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(Rotation::MAX_PICTURES)),
         conflicts_with = "light_sweep", help_heading = "Rotation")]
     pub turntable: Option<u32>,
-    /// Draw N pictures of a full rotation of the lights: directions by 360/N degrees around --up per picture, points on a
-    /// circle around the line through the target along --up
+    /// Draw N pictures of a full rotation of the lights: directional lights by 360/N degrees around --up per picture,
+    /// point lights on a circle around the line through the target along --up
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(Rotation::MAX_PICTURES)),
         help_heading = "Rotation")]
     pub light_sweep: Option<u32>,
-    /// Frames per second of an .apng or .gif file, 0.1 to 50 [default: 10]
+    /// Frames per second of an .apng or .gif animation, 0.1 to 50 [default: 10]
     #[arg(long, value_name = "F", value_parser = fps, help_heading = "Rotation")]
     pub fps: Option<f64>,
 }
@@ -47,7 +47,7 @@ fn fps(text: &str) -> Result<f64, String> {
 }
 
 impl FrameFlags {
-    /// The requested rotation.
+    /// Returns the rotation that the flags request, with its output file; `None` for a single picture.
     ///
     /// # Errors
     /// `--fps` without an animation, or an output that cannot be written.
@@ -71,7 +71,7 @@ impl FrameFlags {
     }
 }
 
-/// Full rotation in equal steps.
+/// Planned full rotation of the camera or the lights in equal steps, with its output file.
 #[derive(Debug, Clone)]
 pub struct RotationPlan {
     rotation: Rotation,
@@ -81,15 +81,15 @@ pub struct RotationPlan {
 }
 
 impl RotationPlan {
-    /// Checks that the file format supports a background.
+    /// Checks that the format of the output file supports the requested background, opaque or transparent.
     ///
     /// # Errors
-    /// An unsupported one.
+    /// A file format that does not support this background.
     pub fn check(&self, backdrop: Backdrop) -> Result<()> {
         check_backdrop(&self.output, backdrop)
     }
 
-    /// Path of a numbered picture: `DIR/frame_0000.png` for `DIR/frame.png`.
+    /// Path of a numbered picture of a rotation: `DIR/frame_0000.png` for `DIR/frame.png`.
     fn frame_path(&self, number: u32) -> PathBuf {
         let mut name = self.output.file_stem().unwrap_or_default().to_owned();
         name.push(format!("_{number:04}."));
@@ -98,10 +98,10 @@ impl RotationPlan {
     }
 }
 
-/// Record of one picture of a rotation, for `--json`.
+/// Record of one picture of a rotation for `render --json`: file, angle, times and reuse of shadow maps.
 #[derive(Debug, serde::Serialize)]
 pub struct FrameRecord {
-    /// `None` where all pictures are in one file.
+    /// Path of the picture file; `None` if all pictures are in one animation file.
     #[serde(skip_serializing_if = "Option::is_none")]
     file: Option<String>,
     angle_deg: f64,
@@ -113,7 +113,7 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// Summary of the reuse from picture to picture.
+    /// Summary of all pictures of a rotation: shadow maps built and reused, and total times.
     pub fn summary(frames: &[Self]) -> String {
         let sum = |of: fn(&Self) -> usize| frames.iter().map(of).sum::<usize>();
         let ms = |of: fn(&Self) -> f64| frames.iter().map(of).sum::<f64>();
@@ -129,17 +129,17 @@ impl FrameRecord {
     }
 }
 
-/// Draws the pictures of a rotation and writes them.
+/// Renders the pictures of a rotation and writes them to files.
 pub struct RotationWriter<'a> {
     pub plan: &'a RotationPlan,
     pub backdrop: Backdrop,
-    /// Text chunks of the picture of a scene.
+    /// Function that returns the text chunks (metadata) for the picture file of a scene.
     pub texts: &'a dyn Fn(&Scene) -> Result<Texts>,
 }
 
 impl RotationWriter<'_> {
-    /// Draws and writes all pictures, each file whole or not at all. Returns the result of `on_first` for the first picture,
-    /// and a record of each picture.
+    /// Renders and writes all pictures of a rotation. Each file is written completely or not at all. Returns the
+    /// result of `on_first` for the first picture, and a record of each picture.
     ///
     /// # Errors
     /// A picture that cannot be drawn; a file that cannot be written; an interruption between two pictures.
@@ -155,7 +155,7 @@ impl RotationWriter<'_> {
             false => "written pictures are kept",
             true => "nothing is written",
         };
-        // Before a file is begun, so that an interruption leaves none.
+        // Created before any file is started, so that an interruption leaves no unfinished file.
         let interrupt = Interrupt::between_steps(written);
         let mut animation = None;
         if is_animation(output) {
@@ -212,7 +212,7 @@ impl RotationWriter<'_> {
         Ok((first.ok_or_else(none)?, frames))
     }
 
-    /// Warns of pictures of an earlier, longer rotation.
+    /// Warns if a further numbered picture exists, which an earlier, longer rotation left behind.
     fn warn_of_others(&self) {
         let next = self.plan.frame_path(self.plan.count);
         if next.exists() {

@@ -1,4 +1,4 @@
-//! `umbravox info`: properties of a volume.
+//! `umbravox info`: prints the properties of a volume.
 
 use super::console::{print_json, print_result};
 use crate::error::Result;
@@ -14,56 +14,56 @@ use std::fmt::Write as _;
 /// Print the properties of a volume file
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
-    /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE]
+    /// Volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk,
+    /// .vtk, .vtp, .obj) or built-in volume phantom:NAME[:SIZE]
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
-    /// Interpret values as HU or as fractions of their range [default: as the file or the values suggest]
+    /// Interpret voxel values as HU or as fractions of their range [default: as the file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS")]
     pub units: Option<Units>,
-    /// Print the result as JSON
+    /// Print the properties of the volume as JSON
     #[arg(long)]
     pub json: bool,
 }
 
-/// Properties of a volume; the keys of `info --json`.
+/// Properties of a volume, as `umbravox info` prints them. The fields are the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// Voxels along the index axes.
+    /// Number of voxels along each index axis of the volume.
     pub dims: [usize; 3],
-    /// Element type in memory.
+    /// Type of the voxel values in memory, such as `int16`.
     pub memory_type: &'static str,
-    /// World mm (RAS+) from index coordinates, row by row.
+    /// Affine matrix from voxel indices to world mm (RAS+), in row-major order.
     pub affine: [[f64; 4]; 4],
     pub spacing_mm: [f64; 3],
-    /// Lengths of the domain `[-0.5, n - 0.5]^3` along the index axes.
+    /// Size of the volume along its index axes, mm: side lengths of the domain `[-0.5, n - 0.5]^3`.
     pub size_mm: [f64; 3],
-    /// World coordinates of the domain's bounding box: smallest and largest corner.
+    /// Bounding box of the volume in world mm: smallest and largest corner.
     pub bounds_mm: [[f64; 3]; 2],
-    /// Smallest and largest value after scaling.
+    /// Smallest and largest voxel value after scaling by slope and intercept.
     pub value_range: [f64; 2],
-    /// Interpretation of the values: `HU`, `1/mm` or `fraction`.
+    /// Interpretation of the voxel values: `HU`, `1/mm` or `fraction`.
     pub units: ValueKind,
-    /// Reason for the interpretation.
+    /// Reason why the voxel values are interpreted in these units.
     pub units_why: String,
-    /// Whether the interpretation was guessed from the values alone.
+    /// Whether the units of the voxel values were guessed from the values alone.
     pub units_guessed: bool,
     pub stored_range: [f64; 2],
     pub scaling: Scaling,
-    /// Whether the scaling changes anything.
+    /// Whether the scaling from stored to physical voxel values differs from the identity.
     pub scaled: bool,
-    /// Bricks along the index axes, and in all.
+    /// Number of bricks (blocks of voxels) along each index axis. The field `bricks` is their total number.
     pub brick_counts: [usize; 3],
     pub bricks: usize,
     pub memory_bytes: u64,
 }
 
 impl Info {
-    /// Properties of a volume.
+    /// Collects the properties of a volume. `units` overrides the interpretation of its voxel values.
     pub fn of(volume: &Volume, units: Option<Units>) -> Self {
         let meaning = Meaning::of(volume, units);
         let dims = volume.dims();
@@ -100,7 +100,7 @@ impl Info {
         }
     }
 
-    /// Aligned text with one line for each property.
+    /// Formats the properties of a volume as aligned text, one line per property.
     pub fn to_text(&self) -> String {
         let times = |values: [String; 3]| values.join(" x ");
         let mut text = String::new();
@@ -145,7 +145,7 @@ impl Info {
     }
 }
 
-/// Six significant digits at the most, without trailing zeros.
+/// Formats a number with at most six significant digits, without trailing zeros.
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if magnitude != 0.0 && !(1e-4..1e7).contains(&magnitude) {
@@ -157,7 +157,7 @@ fn number(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Reads a volume and prints what was read to stdout.
+/// Runs the `info` command: reads a volume and prints its properties to stdout.
 ///
 /// # Errors
 /// The volume cannot be read, or stdout cannot be written to.

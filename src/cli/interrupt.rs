@@ -1,4 +1,4 @@
-//! Interrupts: Ctrl-C, and the signals by which a batch system ends a job.
+//! Handling of interrupts: Ctrl-C, and the signals by which a batch system ends a job.
 
 use super::console::print_message;
 use crate::error::{Error, Result};
@@ -8,28 +8,30 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 static COUNT: AtomicU32 = AtomicU32::new(0);
 static HANDLER: OnceLock<Result<(), String>> = OnceLock::new();
-/// Outcome of the work when it ends between two steps.
+/// Message to the user on what happens to finished work when an interrupt ends the command between two steps.
 static OUTCOME: OnceLock<&str> = OnceLock::new();
 
-/// Command that ends between two steps at the first interrupt; a second interrupt ends the program at once.
+/// Interrupt handling of a command: the first interrupt ends it between two steps, and a second one ends the program
+/// at once.
 pub struct Interrupt(());
 
 impl Interrupt {
-    /// Starts to end between steps; `outcome` tells the user what happens to finished work.
+    /// Makes the command end between two steps at an interrupt. `outcome` tells the user what happens to finished
+    /// work.
     pub fn between_steps(outcome: &'static str) -> Self {
-        // A command has one outcome: the first stays.
+        // A command sets one outcome; a second call has no effect.
         let _ = OUTCOME.set(outcome);
         Self(())
     }
 
-    /// Whether an interrupt has arrived.
+    /// Whether an interrupt (Ctrl-C or a signal) has arrived.
     pub fn is_requested(&self) -> bool {
         COUNT.load(Ordering::SeqCst) > 0
     }
 }
 
-/// Installs the handler of interrupts (SIGINT, SIGTERM, SIGHUP). Without an [`Interrupt`] one ends the program at once, and
-/// removes unfinished files.
+/// Installs the handler of interrupts (SIGINT, SIGTERM, SIGHUP). Unless the command created an [`Interrupt`], an
+/// interrupt removes unfinished files and ends the program at once.
 ///
 /// # Errors
 /// The system refuses the handler.
@@ -51,7 +53,7 @@ pub fn listen() -> Result<()> {
 mod system {
     use nix::sys::signal::{SigHandler, Signal, raise, signal};
 
-    /// Installs the handler, but keeps signals ignored that `nohup`, or a background job of a shell, ignores.
+    /// Installs a signal handler. Signals stay ignored if `nohup` or a shell's background job already ignores them.
     pub fn set_handler(handler: impl FnMut() + Send + 'static) -> Result<(), ctrlc::Error> {
         let handled = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
         // SAFETY: an ignored signal runs no code.
@@ -65,7 +67,7 @@ mod system {
         set
     }
 
-    /// Ends the program by the signal itself, so that a shell ends its loop, too.
+    /// Ends the program by raising SIGINT itself, so that a calling shell also ends its loop.
     pub fn end() -> ! {
         // SAFETY: the default handler runs no code of the program.
         let _ = unsafe { signal(Signal::SIGINT, SigHandler::SigDfl) }.and_then(|_| raise(Signal::SIGINT));

@@ -1,4 +1,4 @@
-//! `umbravox merge`: combines the tables of several jobs.
+//! `umbravox merge`: combines the comparison tables of several runs of `umbravox compare`.
 
 use super::compare::{LayoutFlags, list_files};
 use super::console::{print_message, print_result};
@@ -10,29 +10,30 @@ use crate::report::tables::summary;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Combine the tables of several folders of `compare`: shards of one sweep, or the same scenes on other adapters
+/// Combine the comparison tables in several folders of `compare`: shards of one table, or the same scenes on other
+/// adapters
 #[derive(Debug, Args)]
 pub struct MergeArgs {
-    /// Folders of finished tables of the same program, scenes and effort
+    /// Folders with finished comparison tables, made by the same program with the same scenes and sample counts
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
-    /// The folder for the merged table; made when it is missing
+    /// Folder for the merged comparison table; created if it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Merge what is there although rows of the sweep are in none of the folders
+    /// Merge the rows that are available, even if some rows of the table are in none of the folders
     #[arg(long)]
     pub partial: bool,
-    /// Remove all files of the table that the output folder holds, and no others
+    /// Remove all files of an earlier table from the output folder, and no others
     #[arg(long)]
     pub overwrite: bool,
-    /// Print the rows as JSON
+    /// Print the rows of the merged table as JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub layout: LayoutFlags,
 }
 
-/// Runs the command.
+/// Runs the `merge` command: combines comparison tables and writes the merged table.
 ///
 /// # Errors
 /// Folders that do not belong together, or a file that cannot be read or written.

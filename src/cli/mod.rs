@@ -1,4 +1,4 @@
-//! Command line: one file for each command.
+//! Command line of `umbravox`, with one source file for each command.
 
 pub mod claims;
 pub mod compare;
@@ -29,11 +29,11 @@ use std::io::{self, IsTerminal};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
-/// Volumetric shadows for CT volumes, each method with its error against an exact answer.
+/// Volumetric shadows for CT volumes, with the error of each shadow method against an exact answer.
 #[derive(Debug, Parser)]
 #[command(name = "umbravox", version, arg_required_else_help = false)]
 struct Cli {
-    /// Print more on stderr; -vv and -vvv print still more
+    /// Print more messages on stderr; -vv and -vvv print still more
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
     #[command(subcommand)]
@@ -56,15 +56,16 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
-/// Definition of every command, flag and help text.
+/// Returns clap's definition of the command line: all commands, flags and help texts.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// Function that opens the window of `view`, which belongs to a higher module.
+/// Function that opens the viewer window for the `view` command. The command line takes it as a parameter, because
+/// the window belongs to a higher module.
 pub type Window = fn(view::ViewArgs) -> Result<()>;
 
-/// Runs a command line, program name first; prints an error, and returns the exit status.
+/// Runs a command line, whose first argument is the program name. Prints any error and returns the exit status.
 pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {
@@ -107,14 +108,14 @@ fn run(command: Command, window: Window) -> Result<()> {
     }
 }
 
-/// Command named in a refused command line, for the hint.
+/// Name of the command in a command line that clap rejected, for the hint of the error.
 fn named_command(args: &[OsString]) -> Option<String> {
     let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
     args.iter().skip(1).find_map(named)
 }
 
 fn log_to_stderr(verbose: u8) {
-    // Warnings of the GPU stack are nothing a user can act on.
+    // Users cannot act on warnings of the GPU libraries.
     let filter = match verbose {
         0 => "error,umbravox=warn",
         1 => "warn,umbravox=info",

@@ -1,4 +1,4 @@
-//! `umbravox phantom`: writes a built-in volume or strand set.
+//! `umbravox phantom`: writes a built-in volume (phantom) or set of strands to a file.
 
 use crate::error::Result;
 use crate::files::output::check_output;
@@ -8,13 +8,14 @@ use crate::strands::{HAIR_EXTENSIONS, StrandSet, write_hair};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Write a built-in volume or strand set to a file
+/// Write a built-in volume (phantom) or set of strands to a file
 #[derive(Debug, Args)]
 pub struct PhantomArgs {
-    /// Name, with the size in voxels along the longest side, or the number of segments of strands
+    /// Name of the built-in volume, with its size in voxels along the longest side; or of the strands, with their
+    /// number of segments
     #[arg(value_name = "NAME[:SIZE]", long_help = names_help())]
     pub name: String,
-    /// Output file: .nii or .nii.gz; .hair for strands
+    /// Output file: .nii or .nii.gz for a volume, .hair for strands
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -33,7 +34,7 @@ fn names_help() -> String {
     help
 }
 
-/// Builds `NAME[:SIZE]` and writes it.
+/// Builds the phantom or set of strands `NAME[:SIZE]` and writes it to a file.
 ///
 /// # Errors
 /// No such phantom or strand set, or the file cannot be written.

@@ -1,4 +1,5 @@
-//! `umbravox probe`: exact answers along segments, a method's at points, and several along a light ray.
+//! `umbravox probe`: prints exact optical depths of segments, transmittance at points by a shadow method, or
+//! transmittance curves along a light ray.
 
 use super::console::{load_scene, print_result};
 use super::probe_curve::{self, CurveFlags};
@@ -14,7 +15,8 @@ use rayon::prelude::*;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
-/// Print the exact optical depth of segments, a shadow method's transmittance at points, or curves along a light ray
+/// Print the exact optical depth of segments, a shadow method's transmittance at points, or transmittance curves
+/// along a light ray
 #[derive(Debug, Args)]
 pub struct ProbeArgs {
     #[command(flatten)]
@@ -23,33 +25,35 @@ pub struct ProbeArgs {
     pub what: What,
     #[command(flatten)]
     pub curve_flags: CurveFlags,
-    /// Print the columns of --rays or --points in a first line that begins with `#`; always on a terminal
+    /// Print the column names of --rays or --points in a first line that begins with `#`; always done on a terminal
     #[arg(long, conflicts_with = "curve")]
     pub header: bool,
 }
 
-/// Line of `--header`, or nothing.
+/// Returns the line of column names that `--header` requests, or an empty text.
 fn header(requested: bool, columns: &str) -> String {
     if requested || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
-/// Query.
+/// Flags that select what `probe` prints: exactly one of segments, points or a curve.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub struct What {
-    /// Segments, `x0 y0 z0 x1 y1 z1` a line, world mm; prints `optical_depth transmittance`, exact, 17 digits
+    /// File of segments, `x0 y0 z0 x1 y1 z1` per line, world mm; prints the exact `optical_depth transmittance` of
+    /// each, 17 digits
     #[arg(long, value_name = "FILE")]
     pub rays: Option<PathBuf>,
-    /// Points, `x y z` a line, world mm; prints `T_method T_exact` from the light to each, for the --shadow method
+    /// File of points, `x y z` per line, world mm; prints `T_method T_exact`: transmittance from the light to each
+    /// point, by the --shadow method and exact
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
-    /// A point, world mm: transmittance against depth along the light's ray through it, of --methods and exact, as CSV
-    /// and plot; depth is from where the ray enters the volume, or from a light inside it
+    /// Point, world mm: prints transmittance against depth along the light ray through it, by --methods and exact, as
+    /// CSV and plot; depth starts where the ray enters the volume, or at a light inside it
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true)]
     pub curve: Option<DVec3>,
 }
 
-/// Runs the command.
+/// Runs the `probe` command: prints exact transmittances, and those of shadow methods.
 ///
 /// # Errors
 /// Bad input, or a failure of the device.

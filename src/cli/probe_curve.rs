@@ -1,4 +1,4 @@
-//! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
+//! `umbravox probe --curve`: transmittance against depth along a light ray, by several shadow methods and exact.
 
 use super::console::{load_scene, print_json, print_message, print_result};
 use crate::error::Result;
@@ -15,10 +15,10 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Extensions of output files; any other name is a folder for all of them.
+/// Extensions of the output files of `probe --curve`. Any other name is a folder for all of them.
 const ENDINGS: &[&str] = &["csv", "svg", "png", "pdf"];
 
-/// The result as JSON.
+/// JSON output of `probe --curve`: the exact transmittance curve and those of the shadow methods.
 #[derive(Serialize)]
 struct Json<'a> {
     #[serde(flatten)]
@@ -26,7 +26,8 @@ struct Json<'a> {
     methods: &'a [MethodCurve],
 }
 
-/// Prints or writes the curves along the light ray through `point_mm`.
+/// Prints or writes the transmittance curves along the light ray through `point_mm`, by several shadow methods and
+/// exact.
 ///
 /// # Errors
 /// Bad input, or a failure of the device or disk.
@@ -76,7 +77,8 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &Cu
     }
 }
 
-/// Output files with their extensions, checked before any work is done; none for stdout.
+/// Output files of the transmittance curves, with their extensions. They are checked before any computation. Empty
+/// for output to stdout.
 fn files(output: Option<&Path>) -> Result<Vec<(PathBuf, &'static str)>> {
     let Some(path) = output else { return Ok(Vec::new()) };
     // A name with another extension is more likely an unknown format than a folder.
@@ -88,7 +90,7 @@ fn files(output: Option<&Path>) -> Result<Vec<(PathBuf, &'static str)>> {
     Ok(ENDINGS.iter().map(|ending| (path.join(format!("curve.{ending}")), *ending)).collect())
 }
 
-/// Summary of the ray, and of the largest error of each method.
+/// Text summary of a light ray, and of the largest transmittance error of each shadow method along it.
 fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
     let [x, y, z] = curve.origin_mm.to_array();
     let [dx, dy, dz] = curve.direction.to_array();
@@ -113,15 +115,15 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
     text
 }
 
-/// Flags of `--curve`.
+/// Flags of `probe --curve`: shadow methods and output files.
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
     #[arg(long, value_name = "METHODS", conflicts_with_all = ["rays", "points"],
         help = format!("With --curve: methods separated by `;`; a value without `=` is one more for \
             the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
-    /// With --curve: a .csv, .svg, .png or .pdf file, or a folder for curve.csv, curve.svg, curve.png and curve.pdf
-    /// [default: CSV on stdout]
+    /// With --curve: output file (.csv, .svg, .png or .pdf), or a folder for curve.csv, curve.svg, curve.png and
+    /// curve.pdf [default: CSV on stdout]
     #[arg(short, long, value_name = "DIR|FILE", conflicts_with_all = ["rays", "points"])]
     pub output: Option<PathBuf>,
 }

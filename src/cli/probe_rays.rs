@@ -1,4 +1,4 @@
-//! `umbravox probe --rays`: exact optical depth and transmittance of segments.
+//! `umbravox probe --rays`: exact optical depth and transmittance of line segments.
 
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
@@ -7,13 +7,13 @@ use std::fmt::Write;
 
 const WHAT: &str = "cannot read rays";
 
-/// Answers the segments in `text`, one `x0 y0 z0 x1 y1 z1` (world mm) a line, with one line
-/// `optical_depth transmittance` each, to 17 significant digits. Blank lines are ignored.
+/// Computes the exact optical depth of the segments in `text`, one `x0 y0 z0 x1 y1 z1` (world mm) per line. Returns
+/// one line `optical_depth transmittance` per segment, with 17 significant digits. Blank lines are ignored.
 ///
 /// `place` names the file in errors.
 ///
 /// # Errors
-/// A line that is not six finite numbers, by its number.
+/// A line that is not six finite numbers; the error names the line number.
 pub fn probe_rays(field: &ExactField, text: &str, place: &str) -> Result<String> {
     let segments = parse_segments(text, place)?;
     let mut answers = String::new();
@@ -24,7 +24,7 @@ pub fn probe_rays(field: &ExactField, text: &str, place: &str) -> Result<String>
     Ok(answers)
 }
 
-/// The segments of a rays file, world mm.
+/// Parses the segments of a `--rays` file, world mm.
 ///
 /// # Errors
 /// See [`probe_rays`].
@@ -33,19 +33,19 @@ pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
     Ok(rows.into_iter().map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f))).collect())
 }
 
-/// The points of a points file, `x y z` (world mm) a line; blank lines are ignored.
+/// Parses the points of a `--points` file, `x y z` (world mm) per line. Blank lines are ignored.
 ///
 /// # Errors
-/// A line that is not three finite numbers, by its number.
+/// A line that is not three finite numbers; the error names the line number.
 pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
     let rows = parse_rows(text, "cannot read points", place, "a line is `x y z`, world mm")?;
     Ok(rows.into_iter().map(DVec3::from_array).collect())
 }
 
-/// Coordinates from which on the lengths of segments overflow.
+/// Limit on the magnitude of coordinates, from which the lengths of segments overflow.
 const MAX_COORDINATE: f64 = 1e300;
 
-/// Lines of `N` numbers separated by white space; blank lines are ignored.
+/// Parses lines of `N` numbers separated by white space. Blank lines are ignored.
 fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
     let lines = (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty());
     let row = |(line, content): (usize, &str)| {

@@ -1,4 +1,4 @@
-//! `umbravox render`: one picture, or the pictures of a rotation.
+//! `umbravox render`: renders one picture, or the pictures of a rotation of the camera or the lights.
 
 use super::console::{load_scene, print_json, print_message};
 use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
@@ -17,7 +17,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Draw one picture, or a turntable or light sweep
+/// Draw one picture, or the pictures of a camera rotation (turntable) or light rotation (light sweep)
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     #[command(flatten)]
@@ -25,14 +25,14 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub frames: FrameFlags,
     /// Output picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
-    /// --background none, .png has straight alpha, and .exr and .npy have premultiplied colours. A .png contains the scene
-    /// file as a text chunk. With --turntable or --light-sweep, frame.png stands for frame_0000.png and so on; .apng and
-    /// .gif are one animated file
+    /// --background none, .png has straight alpha, and .exr and .npy have premultiplied colours. A .png contains the
+    /// scene file as a text chunk. With --turntable or --light-sweep, frame.png stands for frame_0000.png and so on;
+    /// .apng and .gif are one animated file
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
 
-/// Runs the command.
+/// Runs the `render` command: renders one picture, or the pictures of a rotation, and writes them to files.
 ///
 /// # Errors
 /// Bad input, a failure of the device or disk, or an interruption between two pictures.
@@ -51,7 +51,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
     let adapter = renderer.gpu().info.name.clone();
-    // Each picture has the pixels that it has alone, so a map is reused only where it would be built again.
+    // A shadow map is reused only if a new one would be identical, so each picture equals one rendered alone.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
     session.load(volume, strands)?;
@@ -87,7 +87,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// Output of `--json`: values of the first picture, and a record of each picture of a rotation in `frames`.
+/// Output of `render --json`: times and memory of the first picture, and a record of each picture of a rotation in
+/// `frames`.
 #[derive(Debug, serde::Serialize)]
 struct Summary {
     output: String,
@@ -117,7 +118,7 @@ struct Summary {
     frames: Option<Vec<FrameRecord>>,
 }
 
-/// Cost of the shadow structure of one light.
+/// Build time and memory of the shadow map of one light.
 #[derive(Debug, serde::Serialize)]
 struct LightCost {
     light: LightSource,

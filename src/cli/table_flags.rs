@@ -1,4 +1,4 @@
-//! Flags of commands that measure one table: `claims` and `stability`.
+//! Flags of the commands that write one table of results: `claims` and `stability`.
 
 use super::console::{print_message, print_result};
 use crate::error::Result;
@@ -11,44 +11,45 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Flags about the output and the device.
+/// Flags for the output folder and the graphics device of the commands `claims` and `stability`.
 #[derive(Debug, Args)]
 pub struct TableFlags {
-    /// Folder for the table as .csv and .md; created if it is missing
+    /// Folder for the table of results as .csv and .md; created if it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
-    /// Overwrite a table in DIR
+    /// Overwrite the table of an earlier run in DIR
     #[arg(long)]
     pub overwrite: bool,
-    /// Print the rows as JSON
+    /// Print the rows of the table as JSON
     #[arg(long)]
     pub json: bool,
 }
 
 impl TableFlags {
-    /// Refuses a folder that cannot hold the table of this name.
+    /// Checks that the output folder can take the table of this name. Fails if an earlier table is there and
+    /// `--overwrite` is not set.
     ///
     /// # Errors
-    /// A fault of the command line.
+    /// The folder cannot be used, or an earlier table is there.
     pub fn check(&self, name: &str) -> Result<()> {
         check_output_dir(&self.output)?;
         if self.overwrite { Ok(()) } else { check_no_table(&self.output, &format!("{name}.csv")) }
     }
 
-    /// Opens the device, then creates the folder, so that a refused input leaves no empty one.
+    /// Opens the graphics device, then creates the output folder. A rejected input therefore leaves no empty folder.
     ///
     /// # Errors
-    /// A device or a folder that is missing.
+    /// The device cannot be opened, or the folder cannot be created.
     pub fn open(&self) -> Result<Arc<Renderer>> {
         let renderer = Renderer::new(Gpu::open(self.adapter.as_deref())?);
         prepare_output_dir(&self.output)?;
         Ok(Arc::new(renderer))
     }
 
-    /// Writes the table and its page; prints the rows as JSON, or a summary.
+    /// Writes a table of results as CSV, with its Markdown page. Prints the rows as JSON, or a summary.
     ///
     /// # Errors
     /// A file or stdout cannot be written.

@@ -1,4 +1,4 @@
-//! `umbravox tf`: presets, and transfer functions of other programs.
+//! `umbravox tf`: lists and exports transfer-function presets, and converts transfer functions of other programs.
 
 use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Transfer functions: presets, and those of other programs
+/// List transfer-function presets, and convert transfer functions of other programs
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = false)]
 pub struct TfArgs {
@@ -21,9 +21,9 @@ pub struct TfArgs {
 
 #[derive(Debug, Subcommand)]
 enum TfCommand {
-    /// List the presets
+    /// List the transfer-function presets
     List(ListArgs),
-    /// Write a preset to a file
+    /// Write a transfer-function preset to a file
     Export(ExportArgs),
     /// Convert a transfer function from or to the format of another program
     #[command(long_about = convert_help())]
@@ -32,14 +32,14 @@ enum TfCommand {
 
 #[derive(Debug, Args)]
 struct ListArgs {
-    /// Print the result as JSON
+    /// Print the presets as JSON
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Debug, Args)]
 struct ExportArgs {
-    /// Name in `tf list`
+    /// Name of the preset, from `umbravox tf list`
     #[arg(value_name = "PRESET")]
     preset: String,
     #[command(flatten)]
@@ -48,32 +48,32 @@ struct ExportArgs {
 
 #[derive(Debug, Args)]
 struct ConvertArgs {
-    /// File: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and NiiVue's .json,
-    /// Inviwo's .itf; told by its content
+    /// Transfer-function file: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and
+    /// NiiVue's .json, Inviwo's .itf; the content decides the format
     #[arg(value_name = "IN")]
     input: PathBuf,
     #[command(flatten)]
     to: Target,
 }
 
-/// Output file and format.
+/// Output file and format of a transfer function.
 #[derive(Debug, Args)]
 struct Target {
-    /// The file: .json, or .vp
+    /// Output file of the transfer function: .json, or .vp
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// The format [default: vp where the name ends in .vp, umbravox otherwise]
+    /// Format of the output file [default: vp where its name ends in .vp, umbravox otherwise]
     #[arg(long, value_name = "FORMAT", value_parser = written_format())]
     to: Option<&'static TransferFormat>,
-    /// Values to scale a function of fractions to: 0 to LO, 1 to HI
+    /// Scalar values that replace the fractions 0 (by LO) and 1 (by HI) of a transfer function over fractions
     #[arg(long, value_name = "LO,HI", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Print the result as JSON
+    /// Print a record of the conversion as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Parser of the name of a format that is written.
+/// Command-line parser for the name of a transfer-function format that can be written.
 fn written_format() -> impl TypedValueParser<Value = &'static TransferFormat> {
     let written = TRANSFER_FORMATS.iter().filter(|f| f.write.is_some()).map(|f| f.name);
     PossibleValuesParser::new(written).try_map(|name| format_named(&name).ok_or("no such format"))
@@ -95,7 +95,7 @@ fn convert_help() -> String {
     help
 }
 
-/// Two numbers, the second greater.
+/// Parses two numbers `LO,HI`, the second greater.
 fn range(text: &str) -> Result<[f64; 2], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
     match numbers[..] {
@@ -104,18 +104,18 @@ fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Preset of `tf list --json`.
+/// Transfer-function preset in the output of `tf list --json`.
 #[derive(Serialize)]
 struct Listed {
     name: &'static str,
-    /// `HU`, `fraction` or `1/mm`.
+    /// Units of the preset's scalar values: `HU`, `fraction` or `1/mm`.
     units: &'static str,
     about: &'static str,
     points: usize,
     reference_length_mm: f64,
 }
 
-/// Result of `tf export --json` and `tf convert --json`.
+/// Record of a written transfer function, the output of `tf export --json` and `tf convert --json`.
 #[derive(Serialize)]
 struct Converted<'a> {
     output: String,
@@ -127,7 +127,7 @@ struct Converted<'a> {
     warnings: &'a [String],
 }
 
-/// Runs the command.
+/// Runs the `tf` command: lists, exports or converts transfer functions.
 ///
 /// # Errors
 /// Bad input, or a file that cannot be written.
@@ -170,7 +170,7 @@ fn list(json: bool) -> Result<()> {
     print_result(&lines.collect::<String>())
 }
 
-/// Format that is given, or that the file's extension implies.
+/// Output format of a transfer function: given by `--to`, or implied by the extension of the output file.
 fn target(target: &Target) -> Result<&'static TransferFormat> {
     let name = target.output.to_string_lossy().to_ascii_lowercase();
     let refuse = |why| Error::input("cannot write file", target.output.display(), why);
@@ -187,7 +187,7 @@ fn check(target: &Target, format: &TransferFormat) -> Result<()> {
     check_output(&target.output, endings)
 }
 
-/// Writes a transfer function, with a warning for each lost property.
+/// Writes a transfer function to a file, with a warning for each property that the file format cannot store.
 fn write(carried: Imported, to: &Target) -> Result<()> {
     let format = target(to)?;
     check(to, format)?;

@@ -1,4 +1,4 @@
-//! `umbravox voxelise`: strands as an extinction volume, with a conservation report.
+//! `umbravox voxelise`: converts strands (hair or fibres) to an extinction volume, with a report on its accuracy.
 
 use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
@@ -14,18 +14,19 @@ use glam::DVec3;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Turn strands into an extinction volume, with a report
+/// Convert strands (hair or fibres) to an extinction volume, with a report on its accuracy
 #[derive(Debug, Args)]
 pub struct VoxeliseArgs {
-    /// A file of strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a built-in set, hair-NAME[:SEGMENTS]
+    /// File of strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or built-in strands, hair-NAME[:SEGMENTS]
     #[arg(value_name = "STRANDS")]
     pub strands: String,
-    /// Volume: .nii or .nii.gz [default: only the report]
+    /// Output file of the extinction volume: .nii or .nii.gz [default: only the report]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub flags: StrandFlags,
-    /// Light beams on which the volume is compared with the strands, 0 to 100000
+    /// Number of light beams along which the transmittance of the volume is compared with that of the strands, 0 to
+    /// 100000
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = beams())]
     pub rays: u32,
     /// Print the report as JSON
@@ -37,7 +38,7 @@ fn beams() -> clap::builder::RangedU64ValueParser<u32> {
     clap::builder::RangedU64ValueParser::new().range(0..=MAX_BEAMS as u64)
 }
 
-/// Report of `voxelise`; the keys of `voxelise --json`.
+/// Report on a voxelisation of strands. The fields are the keys of `voxelise --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     pub source: String,
@@ -46,19 +47,20 @@ pub struct Report {
     pub kernel: Kernel,
     pub dims: [usize; 3],
     pub spacing_mm: f64,
-    /// Largest extinction, 1/mm.
+    /// Largest extinction in the volume, 1/mm.
     pub extinction_max: f64,
     #[serde(flatten)]
     pub conservation: Conservation,
     pub voxelise_ms: f64,
     pub segments_per_s: f64,
-    /// Direction towards the light of the comparison.
+    /// Direction towards the light in the comparison of the volume with its strands.
     pub light: [f64; 3],
-    /// `null` without beams or without segments.
+    /// Difference in transmittance between the volume and its strands as cylinders; `null` without light beams or
+    /// without segments.
     pub against_cylinders: Option<AgainstCylinders>,
 }
 
-/// Runs the command.
+/// Runs the `voxelise` command: converts strands to an extinction volume and prints a report.
 ///
 /// # Errors
 /// Bad input, or the disk is full.
@@ -90,7 +92,7 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
 }
 
 impl Report {
-    /// Measures the volume against `beams` light beams towards the default light.
+    /// Compares the voxelised volume with its strands on `beams` light beams towards the default light.
     pub fn of(strands: &Strands, made: &StrandVolume, beams: usize) -> Self {
         let (toward, _) = Light::default().from_point(DVec3::ZERO);
         Self {
@@ -109,7 +111,7 @@ impl Report {
         }
     }
 
-    /// Aligned text with one line for each figure.
+    /// Formats the report on a voxelisation as aligned text, one line per quantity.
     pub fn to_text(&self) -> String {
         let mut lines = Vec::new();
         let mut line = |name: &str, value: String| lines.push(format!("{name:<14} {value}\n"));

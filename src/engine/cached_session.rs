@@ -1,4 +1,5 @@
-//! Volume on a device, with tables and shadow maps that are reused from one picture to the next.
+//! Rendering session: a volume on the graphics device, with transfer-function tables and shadow maps that are reused
+//! from one picture to the next.
 
 use super::invalidation::{Change, Stage};
 use super::shadow_cache::{MapCoverage, MapSource, ShadowCache, Work};
@@ -12,31 +13,32 @@ use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
 
-/// Volume, tables and cached shadow maps on one device.
+/// Rendering session on one graphics device: volume, transfer-function tables, and a cache of shadow maps.
 pub struct CachedSession {
-    /// Device and pipelines.
+    /// Renderer of the session, which holds the graphics device and its compute pipelines.
     pub renderer: Arc<Renderer>,
-    /// Volume; `None` before [`Self::load`].
+    /// Volume on the graphics device; `None` before [`Self::load`].
     pub loaded: Option<LoadedVolume>,
     transfer: Option<(TransferFunction, DeviceTransfer)>,
     forced: DisabledOptimizations,
     shadows: ShadowCache,
 }
 
-/// Inputs of a picture or a query with one method.
+/// Everything on the device that a picture or a query for transmittance needs: volume, transfer-function tables, and
+/// shadow maps of one method.
 pub struct Prepared<'a> {
-    /// Device and pipelines.
+    /// Renderer with the graphics device and its compute pipelines.
     pub renderer: &'a Renderer,
-    /// Volume.
+    /// Volume on the graphics device.
     pub loaded: &'a LoadedVolume,
-    /// Tables of the transfer function.
+    /// Lookup tables of the transfer function on the graphics device.
     pub transfer: &'a DeviceTransfer,
-    /// Shadow structure of each light that shines, in their order.
+    /// Shadow map (or other shadow data structure) of each light that is not black, in the order of the lights.
     pub shadows: Vec<&'a ShadowMap>,
 }
 
 impl Prepared<'_> {
-    /// Renders a picture.
+    /// Renders a picture of a scene with the prepared shadow maps.
     ///
     /// # Errors
     /// See [`Renderer::render`].
@@ -46,49 +48,52 @@ impl Prepared<'_> {
 }
 
 impl CachedSession {
-    /// Creates a session without a volume.
+    /// Creates a rendering session without a volume.
     pub fn new(renderer: Arc<Renderer>, forced: DisabledOptimizations, shadows: ShadowCache) -> Self {
         Self { renderer, loaded: None, transfer: None, forced, shadows }
     }
 
-    /// Uploads a volume and the strands that it was made from. On failure the previous volume stays.
+    /// Uploads a volume, and the strands that it was voxelised from, to the graphics device. On failure the previous
+    /// volume stays.
     ///
     /// # Errors
-    /// A volume that the adapter cannot hold.
+    /// A volume that does not fit the memory or texture limits of the graphics adapter.
     pub fn load(&mut self, volume: Arc<Volume>, strands: Option<Arc<VoxelisedStrands>>) -> Result<()> {
         self.loaded = Some(self.renderer.load(volume)?.with_strands(strands));
         self.reset(self.forced);
         Ok(())
     }
 
-    /// Removes tables and maps; new tables use `forced`.
+    /// Removes the transfer-function tables and all shadow maps. Tables made later have the optimizations of `forced`
+    /// disabled.
     pub fn reset(&mut self, forced: DisabledOptimizations) {
         self.forced = forced;
         self.transfer = None;
         self.shadows.clear();
     }
 
-    /// Removes the volume, tables and maps.
+    /// Removes the volume, the transfer-function tables and all shadow maps from the session.
     pub fn unload(&mut self) {
         self.loaded = None;
         self.reset(self.forced);
     }
 
-    /// Whether the volume was made from strands.
+    /// Whether the loaded volume was voxelised from strands.
     pub fn has_strands(&self) -> bool {
         self.loaded.as_ref().is_some_and(|loaded| loaded.strands.is_some())
     }
 
-    /// Volume and tables; `None` before [`Self::set_transfer`].
+    /// Volume and transfer-function tables, from which shadow maps are built; `None` before [`Self::set_transfer`].
     pub fn source(&self) -> Option<MapSource<'_>> {
         let (loaded, (_, transfer)) = self.loaded.as_ref().zip(self.transfer.as_ref())?;
         Some(MapSource { renderer: &self.renderer, loaded, transfer })
     }
 
-    /// Makes the tables of `tf` as far as they differ; `None` where nothing changed.
+    /// Sets the transfer function and updates the tables and shadow maps that it invalidates. Returns the kind of
+    /// change; `None` if nothing changed.
     ///
     /// # Errors
-    /// A function that cannot be drawn, or a device out of memory. The previous tables stay.
+    /// A transfer function that cannot be rendered, or a device out of memory. The previous tables stay.
     pub fn set_transfer(&mut self, tf: &TransferFunction, work: &mut Work) -> Result<Option<Change>> {
         let Some(loaded) = &self.loaded else { return Ok(None) };
         let change = match &self.transfer {
@@ -103,7 +108,7 @@ impl CachedSession {
             _ if change.invalidates(Stage::Tables) => {
                 Some(self.renderer.transfer(loaded, tf, self.forced)?)
             }
-            // Later edits are compared with the function that the tables are for.
+            // Keeps the old function: later edits are compared with the function of the tables.
             _ => None,
         };
         if let Some(tables) = tables {
@@ -117,22 +122,23 @@ impl CachedSession {
         Ok(Some(change))
     }
 
-    /// Number of structures that [`Self::prepare`] would build for the picture of a scene.
+    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene.
     pub fn missing(&self, method: &dyn Method, scene: &Scene) -> usize {
         let missing = |source| self.shadows.missing(source, method, scene);
         self.source().map_or(scene.shining().len(), missing)
     }
 
-    /// [`Change::View`] where maps of the method exist, but none covers the picture.
+    /// Returns [`Change::View`] if shadow maps of the method exist for every light, but one does not cover the
+    /// visible region.
     pub fn change_of_view(&self, method: &dyn Method, scene: &Scene) -> Option<Change> {
         let is_outgrown = self.shadows.is_outgrown(self.source()?, method, scene);
         is_outgrown.then_some(Change::View)
     }
 
-    /// Prepares a picture or a query: missing shadow structures are built.
+    /// Prepares a picture or a query for transmittance: builds the shadow maps that are not in the cache.
     ///
     /// # Errors
-    /// A structure that the adapter cannot hold, or no volume or tables.
+    /// A shadow map that the adapter cannot hold, or no volume or transfer function is set.
     pub fn prepare(
         &mut self,
         method: &dyn Method,

@@ -1,4 +1,4 @@
-//! Heat maps of the methods' errors against an exact picture.
+//! Heat maps of the error of each shadow method against an exact reference picture.
 
 use super::cached_session::CachedSession;
 use super::mailbox::EventSender;
@@ -9,12 +9,13 @@ use crate::render::DisplayTexture;
 use crate::report::heat::{inferno, round_max};
 use std::sync::Arc;
 
-/// Decades of the logarithmic scale.
+/// Number of decades on the logarithmic colour scale of the error heat maps.
 const DECADES: f32 = 3.0;
-/// Colour of pixels without a visible point.
+/// Colour in the error heat map of pixels without a visible point, sRGB and opacity.
 const EMPTY_PIXEL: [u8; 4] = [28, 30, 34, 255];
 
-/// Compares methods with an exact picture; `proceed` may interrupt it.
+/// Compares shadow methods with an exact reference picture and sends the error heat maps. Stops early if `proceed`
+/// returns `false`.
 pub fn compare(
     session: &mut CachedSession,
     request: &Arc<DifferenceRequest>,

@@ -1,49 +1,52 @@
-//! Stages of a picture's pipeline, and the stages that each edit invalidates.
+//! Stages of the rendering pipeline, and the stages that each kind of edit invalidates.
 
 use crate::render::{DeviceTransfer, LoadedVolume};
 use crate::scene::{Light, Scene};
 use crate::transfer::{TransferChange, TransferFunction};
 
-/// Kind of an edit between two pictures.
+/// Kind of an edit between two rendered pictures, such as a change of the camera or of the opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
-    /// Change of the volume.
+    /// Edit that replaces the volume.
     Volume,
-    /// Extinction, at values that the volume has.
+    /// Edit of the transfer function's extinction at scalar values that occur in the volume.
     Opacity,
-    /// Extinction or colour, at values that the volume does not have.
+    /// Edit of the transfer function's extinction or colour at scalar values that do not occur in the volume.
     UnusedValues,
-    /// Colour alone.
+    /// Edit of the transfer function's colours without a change of its extinction.
     Color,
-    /// Change of the number or position of the lights that shine.
+    /// Edit of the number or positions of the lights that are not black.
     Light,
-    /// The shadow method or its settings.
+    /// Change of the shadow method or its settings.
     Method,
-    /// The camera.
+    /// Edit that moves the camera.
     Camera,
-    /// Visible region, so that a map fitted to the previous view is too small. Follows [`Self::Camera`] or a new picture shape.
+    /// Change of the visible region beyond the area that a shadow map fitted to the previous view covers. It follows
+    /// [`Self::Camera`] or a new picture shape.
     View,
-    /// Change of light colours and intensities, ambient light, shading, background, step, skipping or picture size.
+    /// Change of the light colours and intensities, ambient light, shading, background, ray step, empty-space
+    /// skipping or picture size.
     Picture,
 }
 
-/// Stage of the pipeline, in order.
+/// Stage of the rendering pipeline, in order of execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Upload of the volume and the value ranges of its bricks.
+    /// Pipeline stage: upload of the volume, and computation of the value range of each brick (block of voxels).
     Upload,
-    /// Tables of the transfer function and the classes of bricks.
+    /// Pipeline stage: computation of the transfer-function tables, and classification of bricks (blocks of voxels)
+    /// as empty or not.
     Tables,
-    /// Colours in the tables.
+    /// Pipeline stage: update of the colours in the transfer-function tables.
     Colors,
-    /// Shadow structures.
+    /// Pipeline stage: build of the shadow maps or other shadow data structures.
     Shadows,
-    /// Picture.
+    /// Pipeline stage: ray casting of the picture.
     Frame,
 }
 
-/// Stages that each change invalidates. The plan decides whether an invalid shadow structure is rebuilt
-/// ([`needs_shadows`](crate::render::needs_shadows)).
+/// Table of the pipeline stages that each kind of edit invalidates. The render plan decides whether an invalid shadow
+/// map is rebuilt ([`needs_shadows`](crate::render::needs_shadows)).
 pub const INVALIDATES: [(Change, &[Stage]); 9] = [
     (Change::Volume, &[Stage::Upload, Stage::Tables, Stage::Shadows, Stage::Frame]),
     (Change::Opacity, &[Stage::Tables, Stage::Shadows, Stage::Frame]),
@@ -57,12 +60,12 @@ pub const INVALIDATES: [(Change, &[Stage]); 9] = [
 ];
 
 impl Change {
-    /// Whether the change invalidates a stage.
+    /// Whether this kind of edit invalidates a stage of the rendering pipeline.
     pub fn invalidates(self, stage: Stage) -> bool {
         INVALIDATES.iter().any(|(change, stages)| *change == self && stages.contains(&stage))
     }
 
-    /// Changes from one scene to another.
+    /// Kinds of edits that lead from one scene to another: lights, camera or picture settings.
     pub fn between_scenes(old: &Scene, new: &Scene) -> Vec<Self> {
         let moved = shining_lights(old) != shining_lights(new);
         // A moved light reports `Light` alone, not its colour as well.
@@ -74,7 +77,8 @@ impl Change {
             .collect()
     }
 
-    /// Change from one transfer function to another, for the pictures of a volume.
+    /// Kind of the edit from one transfer function to another, considering only scalar values that occur in the
+    /// volume.
     pub(super) fn between_functions(
         (before, tables): (&TransferFunction, &DeviceTransfer),
         after: &TransferFunction,
@@ -91,7 +95,7 @@ impl Change {
     }
 }
 
-/// Lights that a picture needs shadow structures for.
+/// Lights for which a picture needs shadow maps: those that are not black, or the first light if all are black.
 pub(super) fn shining_lights(scene: &Scene) -> Vec<Light> {
     scene.shining().iter().map(|source| source.light).collect()
 }

@@ -1,4 +1,5 @@
-//! Jobs of the render thread besides pictures on the screen: probes, thumbnails of presets, exports.
+//! Jobs of the render thread other than pictures on the screen: probes, thumbnails of transfer-function presets,
+//! picture exports.
 
 use super::cached_session::CachedSession;
 use super::mailbox::EventSender;
@@ -16,14 +17,15 @@ use crate::shadow::NoShadows;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Number of depths of a curve.
+/// Number of depths in a probe's transmittance curve.
 const PROBE_DEPTHS: usize = 320;
-/// Minimum opacity of a pixel that can be probed.
+/// Minimum opacity of a pixel at which the user can probe its visible point.
 const MIN_OPACITY: f64 = 0.004;
-/// Target duration of one submission of an export or a thumbnail.
+/// Target duration of one GPU submission while a picture is exported or a thumbnail is rendered, ms.
 const BAND_MS: f64 = 25.0;
 
-/// Answers a probe; sends nothing where the ray hits nothing.
+/// Computes the transmittance curves through a probed point and sends them. Sends nothing if the ray hits nothing
+/// visible.
 pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &EventSender) -> Result<()> {
     let Some(loaded) = &session.loaded else { return Ok(()) };
     let volume = Arc::clone(&loaded.volume);
@@ -76,7 +78,8 @@ pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &Event
     Ok(())
 }
 
-/// Draws the thumbnail of a preset with its own tables; those of the view stay.
+/// Renders the thumbnail of a transfer-function preset with tables of its own. The tables of the picture on screen
+/// stay.
 pub fn thumbnail(session: &CachedSession, request: ThumbnailRequest, events: &EventSender) -> Result<()> {
     let ThumbnailRequest { index, tf, scene, volume } = request;
     let Some(loaded) = session.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {
@@ -95,7 +98,7 @@ pub fn thumbnail(session: &CachedSession, request: ThumbnailRequest, events: &Ev
     Ok(())
 }
 
-/// Draws and writes a picture; `false` where `proceed` stopped it, and no file is written.
+/// Renders a picture and writes it to a file. Returns `false`, and writes no file, if `proceed` stopped it.
 pub fn export(
     session: &mut CachedSession,
     export: &Export,

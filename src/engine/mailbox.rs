@@ -1,4 +1,4 @@
-//! Queue between the window and the render thread: the newest picture request, jobs in order, and events back.
+//! Queue between the viewer window and the render thread: the newest picture request, jobs in order, and events back.
 
 use super::messages::{Event, FrameRequest, Job};
 use super::task::Wake;
@@ -21,7 +21,7 @@ impl Slots {
     }
 }
 
-/// Requests from the window to the render thread.
+/// Queue of requests from the viewer window to the render thread.
 #[derive(Default)]
 pub struct Mailbox {
     slots: Mutex<Slots>,
@@ -29,7 +29,7 @@ pub struct Mailbox {
     pub cancel_export: AtomicBool,
 }
 
-/// Next request.
+/// Next request for the render thread: a picture to render, or another job.
 pub enum Next {
     Draw(FrameRequest),
     Job(Job),
@@ -41,13 +41,13 @@ impl Mailbox {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Requests a picture; replaces a request that has not begun.
+    /// Requests a picture from the render thread. It replaces an earlier picture request that has not started.
     pub fn request_frame(&self, request: FrameRequest) {
         self.lock().frame = Some(request);
         self.changed.notify_all();
     }
 
-    /// Requests a job, which runs before the next picture.
+    /// Adds a job to the render thread's queue. Jobs run in order, before the next picture.
     pub fn push(&self, job: Job) {
         {
             let mut slots = self.lock();
@@ -67,24 +67,24 @@ impl Mailbox {
         self.changed.notify_all();
     }
 
-    /// Whether a request is waiting, so that a refinement should stop.
+    /// Whether a request waits for the render thread, so that the refinement of a picture should stop.
     pub fn has_requests(&self) -> bool {
         self.lock().has_requests()
     }
 
-    /// Waits until a request arrives, at most for `time`; returns whether one did.
+    /// Waits until a request for the render thread arrives, for at most `time`. Returns whether one arrived.
     pub fn wait_for_request(&self, time: Duration) -> bool {
         let idle = |slots: &mut Slots| !slots.has_requests();
         let waited = self.changed.wait_timeout_while(self.lock(), time, idle);
         waited.unwrap_or_else(PoisonError::into_inner).0.has_requests()
     }
 
-    /// Puts an interrupted request back, unless there is a newer one.
+    /// Puts an interrupted picture request back into the queue, unless a newer picture request is waiting.
     pub fn restore(&self, request: FrameRequest) {
         self.lock().frame.get_or_insert(request);
     }
 
-    /// Waits for the next request; `None` after [`Self::quit`].
+    /// Waits for the next request to the render thread; returns `None` after [`Self::quit`].
     pub fn next(&self) -> Option<Next> {
         let idle = |slots: &mut Slots| !slots.has_requests();
         let mut slots = self.changed.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner);
@@ -95,7 +95,7 @@ impl Mailbox {
     }
 }
 
-/// Sender of the render thread's events.
+/// Sender of the render thread's events, which also wakes the viewer window.
 pub struct EventSender {
     pub sender: Sender<Event>,
     pub wake: Wake,
@@ -103,7 +103,7 @@ pub struct EventSender {
 
 impl EventSender {
     pub fn send(&self, event: Event) {
-        // A closed window receives nothing.
+        // Sending fails only if the window is closed.
         let _ = self.sender.send(event);
         (self.wake)();
     }

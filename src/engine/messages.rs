@@ -1,4 +1,4 @@
-//! Messages between the window and the render thread.
+//! Messages between the viewer window and the render thread.
 
 use super::reading::OpenedVolume;
 use super::shadow_cache::Work;
@@ -15,27 +15,27 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Everything that determines a picture.
+/// Settings that determine a rendered picture: transfer function, shadow methods and scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSettings {
     pub tf: Arc<TransferFunction>,
-    /// The method, and in a split view the second one.
+    /// Shadow method of the picture, followed by that of the right picture in a split view.
     pub methods: Vec<MethodSpec>,
-    /// Scene; its width and height are the view's, in pixels.
+    /// Scene to render. Its width and height are the size of the view, pixels.
     pub scene: Scene,
 }
 
-/// Request for a picture.
+/// Request to the render thread for a picture.
 #[derive(Debug, Clone)]
 pub struct FrameRequest {
     pub settings: FrameSettings,
-    /// Time of the input that caused the request.
+    /// Time of the user input that caused this picture request.
     pub since: Instant,
-    /// Number of the request; later requests have larger ones.
+    /// Number of this picture request. Later requests have larger numbers.
     pub revision: u64,
 }
 
-/// Request other than a picture. Jobs run in order.
+/// Request to the render thread other than a picture. These jobs run in order.
 pub enum Job {
     Upload(Box<OpenedVolume>),
     Probe(ProbeRequest),
@@ -44,31 +44,33 @@ pub enum Job {
     Export(Box<Export>),
 }
 
-/// Message from the render thread.
+/// Message from the render thread to the viewer window: a result, progress or an error.
 pub enum Event {
     Uploaded(Box<OpenedVolume>),
     Frame(Box<Frame>),
-    /// The change does not alter the picture: no voxel has the values concerned.
+    /// Message that an edit does not alter the picture, because no voxel has the edited scalar values.
     Unchanged {
         revision: u64,
     },
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
-    /// Another request interrupted the comparison.
+    /// Message that another request interrupted the comparison with the exact reference picture, before its error
+    /// heat maps were ready.
     DifferenceInterrupted(Arc<DifferenceRequest>),
     Thumbnail(Box<Thumbnail>),
-    /// Fraction of the export that is done.
+    /// Completed fraction of the running picture export, 0 to 1.
     ExportProgress(f32),
     Exported(Exported),
-    /// A request failed; the picture on screen stays.
+    /// Message that a request to the render thread failed. The picture on screen stays.
     Failed(Error),
 }
 
-/// Picture of one method.
+/// Rendered picture of one shadow method, with its build report and render time.
 #[derive(Debug, Clone)]
 pub struct MethodFrame {
     pub texture: Arc<DisplayTexture>,
-    /// The method as drawn; coarser than the requested one during interaction.
+    /// Shadow method with the settings that rendered this picture. During interaction they are coarser than
+    /// requested.
     pub spec: String,
     pub report: BuildReport,
     pub bound: Option<Bound>,
@@ -76,39 +78,39 @@ pub struct MethodFrame {
     pub frame_ms: f64,
 }
 
-/// Finished picture, or pair of pictures in a split view.
+/// Rendered picture, or pair of pictures in a split view, with its render times.
 #[derive(Debug, Clone)]
 pub struct Frame {
     pub main: MethodFrame,
     pub other: Option<MethodFrame>,
-    /// Full quality: no refinement follows.
+    /// Whether the picture has full quality, so that no refinement follows.
     pub is_final: bool,
     pub work: Work,
-    /// Time from the input to the finished picture, ms.
+    /// Time from the user's input to the finished picture, ms.
     pub latency_ms: f64,
-    /// Duration of the longest submission, ms.
+    /// Duration of the longest GPU submission while this picture was rendered, ms.
     pub longest_band_ms: f64,
-    /// Number of the request.
+    /// Number of the request that this picture answers.
     pub revision: u64,
 }
 
 impl Frame {
-    /// Pictures from left to right.
+    /// Returns the pictures of the shadow methods from left to right.
     pub fn sides(&self) -> impl Iterator<Item = &MethodFrame> {
         std::iter::once(&self.main).chain(&self.other)
     }
 }
 
-/// Target of a probe.
+/// Target of a probe: a ray from the camera, or a point of the volume.
 #[derive(Debug, Clone)]
 pub enum ProbeTarget {
-    /// Point visible along a ray from the eye, unit direction.
+    /// Ray from the camera, world mm, with a unit direction. The visible point along the ray is probed.
     Ray { origin: DVec3, direction: DVec3 },
-    /// Point, world mm.
+    /// Point to probe, world mm.
     Point(DVec3),
 }
 
-/// Request for the transmittance curves through one point.
+/// Request for a probe: transmittance curves of several shadow methods along the light ray through one point.
 #[derive(Debug, Clone)]
 pub struct ProbeRequest {
     pub target: ProbeTarget,
@@ -118,53 +120,56 @@ pub struct ProbeRequest {
     pub methods: Vec<MethodSpec>,
 }
 
-/// Transmittance curve of a method along the light ray.
+/// Transmittance by one shadow method against depth along the light ray through the probed point.
 #[derive(Debug, Clone)]
 pub struct MethodCurve {
     pub spec: String,
-    /// Depth in mm and transmittance.
+    /// Samples of the transmittance curve: depth along the light ray in mm, and transmittance.
     pub points: Vec<[f64; 2]>,
-    /// Transmittance at the point itself.
+    /// Transmittance from the light to the probed point, by this shadow method.
     pub at_point: f64,
-    /// Error bound, where the method has one.
+    /// Error bound of the shadow method near the probed point; `None` if the method has no bound.
     pub bound: Option<ProbedBound>,
 }
 
-/// Error bound, tested on one light ray near a point.
+/// Error bound of a shadow method, with its test on the light ray nearest to the probed point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbedBound {
     pub bound: Bound,
-    /// Light ray through the nearest texel centre; `None` where the map has no texel.
+    /// Test of the error bound on the light ray through the texel centre nearest to the probed point. `None` if no
+    /// texel of the shadow map covers the point.
     pub nearest: Option<NearestRay>,
 }
 
-/// Test of an error bound on the light ray through the texel centre nearest to a point.
+/// Test of a shadow method's error bound on the light ray through the texel centre nearest to a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestRay {
-    /// Distance from the point, in texel widths.
+    /// Distance from the probed point to the tested light ray, in texel widths.
     pub texels_away: f64,
-    /// Largest difference from the exact transmittance along the ray.
+    /// Largest difference between the shadow method's transmittance and the exact one along the tested light ray.
     pub largest: f64,
-    /// Whether the bound is satisfied at every tested depth.
+    /// Whether the method's error bound is satisfied at every tested depth of the light ray.
     pub satisfied: bool,
 }
 
-/// Transmittance against depth along the light ray through a point.
+/// Result of a probe: transmittance against depth along the light ray through a point, exact and by each shadow
+/// method.
 #[derive(Debug, Clone)]
 pub struct ProbeResult {
-    /// World mm.
+    /// Probed point, world mm.
     pub point: DVec3,
-    /// Scalar value at the point.
+    /// Scalar value of the volume at the probed point.
     pub value: f64,
-    /// Depth of the point along its light ray, mm. Zero is where the ray enters the volume, or the point light.
+    /// Depth of the probed point along its light ray, mm. Depth is zero where the ray enters the volume, or at a
+    /// point light inside it.
     pub depth_mm: f64,
-    /// Depth in mm and exact transmittance.
+    /// Samples of the exact transmittance curve: depth along the light ray in mm, and transmittance.
     pub exact: Vec<[f64; 2]>,
     pub exact_at_point: f64,
     pub methods: Vec<MethodCurve>,
 }
 
-/// Request to compare methods with an exact picture.
+/// Request to compare shadow methods with an exact reference picture, for error heat maps.
 #[derive(Debug, Clone)]
 pub struct DifferenceRequest {
     pub view: Arc<ExactView>,
@@ -173,34 +178,34 @@ pub struct DifferenceRequest {
     pub logarithmic: bool,
 }
 
-/// Heat map of one method.
+/// Error heat map of one shadow method, compared with the exact reference picture.
 pub struct DifferenceSide {
     pub spec: String,
     pub map: ErrorMap,
     pub texture: Arc<DisplayTexture>,
 }
 
-/// Heat maps of the methods in the view, on one scale.
+/// Error heat maps of the shadow methods in the view, all on one colour scale.
 pub struct Differences {
     pub request: Arc<DifferenceRequest>,
-    /// Heat maps from left to right.
+    /// Error heat maps of the shadow methods from left to right.
     pub sides: Vec<DifferenceSide>,
-    /// Errors at the two ends of the scale.
+    /// Error at the lower end of the heat maps' colour scale.
     pub least: f32,
     pub largest: f32,
 }
 
-/// Request for the thumbnail of a preset.
+/// Request for the thumbnail of a transfer-function preset.
 #[derive(Debug, Clone)]
 pub struct ThumbnailRequest {
-    /// Index into [`crate::transfer::presets::PRESETS`].
+    /// Index of the transfer-function preset in [`crate::transfer::presets::PRESETS`].
     pub index: usize,
     pub tf: TransferFunction,
     pub scene: Scene,
     pub volume: Arc<Volume>,
 }
 
-/// Thumbnail of a preset.
+/// Rendered thumbnail of a transfer-function preset.
 pub struct Thumbnail {
     pub index: usize,
     pub scene: Scene,
@@ -208,18 +213,18 @@ pub struct Thumbnail {
     pub texture: Arc<DisplayTexture>,
 }
 
-/// Request to write a picture file.
+/// Request to render a picture and write it to a file.
 #[derive(Debug, Clone)]
 pub struct Export {
     pub path: PathBuf,
     pub tf: Arc<TransferFunction>,
     pub method: MethodSpec,
-    /// Scene with the size of the exported picture.
+    /// Scene to export. Its width and height are the size of the picture file, pixels.
     pub scene: Scene,
     pub backdrop: Backdrop,
 }
 
-/// Result of an export; `false` where it was cancelled.
+/// Result of a picture export; `false` if the export was cancelled.
 pub struct Exported {
     pub path: PathBuf,
     pub result: Result<bool>,

@@ -1,4 +1,4 @@
-//! Interactive session without a window toolkit: shadow cache, requests and the render thread.
+//! Interactive rendering session without a window toolkit: cache of shadow maps, request queue and render thread.
 //!
 //! The window, the Python module and the command line are its clients.
 

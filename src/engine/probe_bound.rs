@@ -1,4 +1,4 @@
-//! Test of a method's error bound on the light ray nearest to a point.
+//! Test of a shadow method's error bound on the light ray nearest to a probed point.
 
 use super::cached_session::Prepared;
 use super::messages::{NearestRay, ProbedBound};
@@ -9,10 +9,11 @@ use crate::scene::Light;
 use crate::shadow::Taps;
 use glam::{DVec2, DVec3};
 
-/// Tested depths, besides those around the breakpoints of the ray.
+/// Number of depths at which the error bound is tested, besides those around the breakpoints of the exact curve.
 const DEPTHS: usize = 200;
 
-/// Tests the error bound near a point (world mm), for texels of `taps`; `None` where the method has no bound.
+/// Tests the error bound of a shadow method near a point (world mm), on the light ray through the nearest texel
+/// centre. `taps` states how the method reads its texels. Returns `None` if the method has no bound.
 ///
 /// # Errors
 /// A lost device.

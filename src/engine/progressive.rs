@@ -1,4 +1,4 @@
-//! Progressive rendering: a coarse picture at once during interaction, full quality when the input rests.
+//! Progressive rendering: a coarse picture at once during interaction, and full quality when the user's input pauses.
 
 use super::cached_session::CachedSession;
 use super::invalidation::Stage;
@@ -15,21 +15,21 @@ use crate::shadow::{Bound, BuildReport};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Target duration of one submission. The window draws through the same queue. A software adapter takes tens of
-/// milliseconds for the window itself, so shorter bands would leave the device idle.
+/// Target duration of one GPU submission during rendering, ms. The window draws through the same queue. A software
+/// adapter takes tens of milliseconds for the window itself, so shorter bands would leave the device idle.
 const BAND_MS: f64 = 12.0;
 const SOFTWARE_BAND_MS: f64 = 35.0;
-/// Time without input after which the picture is drawn at full quality.
+/// Time without user input after which the picture is rendered at full quality.
 const REST: Duration = Duration::from_millis(140);
-/// Maximum number of textures while a view is resized.
+/// Maximum number of picture textures kept for reuse, e.g. while the view is resized.
 const MAX_TEXTURES: usize = 8;
 
-/// Draws the requested pictures of a session.
+/// Progressive renderer: renders each requested picture first coarsely, then at full quality.
 pub struct ProgressiveRenderer {
     pub session: CachedSession,
     textures: Vec<Arc<DisplayTexture>>,
     speeds: Speeds,
-    /// Last picture drawn at full quality, to skip a request for the same one.
+    /// Settings of the last picture rendered at full quality, used to skip a request for an identical picture.
     shown: Option<(Scene, Quality)>,
 }
 
@@ -47,14 +47,14 @@ impl ProgressiveRenderer {
         }
     }
 
-    /// Removes everything that a failure may have left incomplete.
+    /// Removes the volume, tables, shadow maps and textures, since a failure may have left them incomplete.
     pub fn reset(&mut self) {
         self.session.unload();
         self.textures.clear();
         self.shown = None;
     }
 
-    /// Uploads a volume. On failure the previous one stays.
+    /// Uploads a volume to the graphics device. On failure the previous volume stays.
     pub fn upload(&mut self, opened: Box<OpenedVolume>, events: &EventSender) -> Result<()> {
         self.session.load(Arc::clone(&opened.volume), opened.strands.clone())?;
         self.shown = None;
@@ -62,7 +62,8 @@ impl ProgressiveRenderer {
         Ok(())
     }
 
-    /// Draws a requested picture and refines it. Returns `false` where another request interrupted it.
+    /// Renders a requested picture coarsely if needed, then at full quality. Returns `false` if another request
+    /// interrupted it.
     pub fn show(&mut self, request: &FrameRequest, mailbox: &Mailbox, events: &EventSender) -> Result<bool> {
         if self.session.loaded.is_none() {
             return Ok(true);
@@ -86,7 +87,7 @@ impl ProgressiveRenderer {
                 if let Some(frame) = self.draw(request, &coarse, false, work, || true)? {
                     events.send(Event::Frame(Box::new(frame)));
                 }
-                // The full picture reports the tables, but not the coarse map.
+                // The full-quality picture reports the time of the tables, but not that of the coarse map.
                 work.build_ms = None;
                 if mailbox.wait_for_request(REST) {
                     return Ok(false);
@@ -100,7 +101,7 @@ impl ProgressiveRenderer {
         Ok(true)
     }
 
-    /// Draws the picture of each method; `None` where `proceed` stopped it.
+    /// Renders the picture of each shadow method at a given quality; `None` if `proceed` stopped it.
     fn draw(
         &mut self,
         request: &FrameRequest,
@@ -160,7 +161,7 @@ impl ProgressiveRenderer {
     }
 }
 
-/// Returns a texture of the given size that the window no longer shows.
+/// Returns a picture texture of the given size that the window does not show any more, or creates one.
 fn take_texture(
     textures: &mut Vec<Arc<DisplayTexture>>,
     gpu: &Gpu,

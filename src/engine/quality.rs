@@ -1,36 +1,39 @@
-//! Picture quality during interaction, chosen from the measured cost of earlier pictures.
+//! Picture quality during interaction, chosen from the measured times of earlier pictures.
 
 use super::cached_session::CachedSession;
 use super::messages::FrameSettings;
 use crate::render::Pace;
 use crate::shadow::{Key, MethodSpec, Value};
 
-/// Time budget of a picture during interaction, shadow map included.
+/// Time budget of one picture during interaction, including its shadow maps, ms.
 const MOVING_MS: f64 = 75.0;
-/// Full pictures up to this time are drawn without a coarse one before.
+/// Maximum expected time of a full-quality picture that is rendered without a coarse picture before it, ms.
 const FAST_MS: f64 = 90.0;
-/// Sides of coarse maps and divisors of coarse pictures. Few values keep successive pictures similar.
+/// Resolutions (texels per side) of coarse shadow maps during interaction. Few distinct values keep successive
+/// pictures similar.
 const MAP_SIDES: [u32; 7] = [512, 384, 256, 192, 128, 96, 64];
 const DIVISORS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0];
-/// Factor of the eye-ray step during interaction; the larger one applies where pixels would become too large.
+/// Factor that lengthens the ray-casting step during interaction. The larger `MAX_MOVING_STEP` applies where pixels
+/// would become too large.
 const MOVING_STEP: f64 = 2.0;
 const MAX_MOVING_STEP: f64 = 5.0;
-/// Pixel sizes above and below which the step factor changes.
+/// Pixel size, in pixels of the view, above which the ray-casting step is lengthened further. Below `SMALL_ENOUGH` it
+/// is shortened again.
 const TOO_LARGE: f64 = 6.0;
 const SMALL_ENOUGH: f64 = 2.0;
 
-/// Resolution, step and methods of a picture.
+/// Quality of a picture: resolution, ray-casting step and settings of the shadow methods.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quality {
     pub width: u32,
     pub height: u32,
     pub step: f64,
-    /// Methods, coarse or as requested.
+    /// Shadow methods of the picture, with coarse or requested settings.
     pub methods: Vec<MethodSpec>,
 }
 
 impl Quality {
-    /// Full quality.
+    /// Full quality of a picture: resolution, step and shadow methods as requested.
     pub fn full(settings: &FrameSettings) -> Self {
         let scene = &settings.scene;
         let methods = settings.methods.clone();
@@ -42,20 +45,20 @@ impl Quality {
     }
 }
 
-/// Measured speeds of this adapter and scene.
+/// Render and build speeds measured on this graphics adapter and scene, used to choose the picture quality.
 pub struct Speeds {
     pub full: Pace,
     pub moving: Pace,
-    /// Build time per texel, by method and marching mode.
+    /// Time to build a shadow map per texel, ms, by shadow method and ray-marching mode.
     build_ms_per_texel: Vec<(String, f64)>,
-    /// Texels a side of the last map with an automatic size.
+    /// Resolution of the last shadow map with an automatic size, texels per side.
     chosen_map: u32,
-    /// Current step factor during interaction.
+    /// Current factor on the ray-casting step during interaction.
     moving_step: f64,
 }
 
 impl Speeds {
-    /// Creates an estimator for submissions of about `submission_ms`.
+    /// Creates an estimator of render times for GPU submissions of about `submission_ms`.
     pub fn new(submission_ms: f64) -> Self {
         let pace = || Pace::new(submission_ms);
         Self {
@@ -67,7 +70,7 @@ impl Speeds {
         }
     }
 
-    /// Records the build time of a map of `map` texels a side.
+    /// Records the time to build a shadow map with `map` texels per side, ms.
     pub fn record_build(&mut self, spec: &MethodSpec, map: u32, ms: f64) {
         if self.map(spec) == 0 {
             return;
@@ -83,12 +86,12 @@ impl Speeds {
         }
     }
 
-    /// Texels a side; 0 where the method has no map.
+    /// Resolution of a method's shadow map, texels per side; 0 if the method has no map.
     fn map(&self, spec: &MethodSpec) -> u32 {
         spec.value("map").map_or(0, |_| spec.map_size().unwrap_or(self.chosen_map))
     }
 
-    /// Estimated time to build the missing maps of all lights.
+    /// Estimated time to build the shadow maps of all lights that are not in the cache, ms.
     fn build_ms(&self, spec: &MethodSpec, settings: &FrameSettings, session: &CachedSession) -> f64 {
         let map = self.map(spec);
         let missing =
@@ -101,14 +104,14 @@ impl Speeds {
         known.map_or(MOVING_MS, |(_, ms)| missing * ms * f64::from(map) * f64::from(map))
     }
 
-    /// Whether a picture is expected soon enough to need no coarse one before it.
+    /// Whether a picture at this quality is expected so soon that no coarse picture is needed before it.
     pub fn is_fast(&self, quality: &Quality, settings: &FrameSettings, session: &CachedSession) -> bool {
         let build_ms: f64 = quality.methods.iter().map(|c| self.build_ms(c, settings, session)).sum();
         let pixels = quality.pixels() * quality.methods.len() as f64;
         build_ms + pixels / self.full.pixels_per_ms() <= FAST_MS
     }
 
-    /// Quality that fits the time budget during interaction.
+    /// Picture quality that fits the time budget during interaction.
     pub fn coarse(&mut self, full: &Quality, settings: &FrameSettings, session: &CachedSession) -> Quality {
         let count = full.methods.len() as f64;
         let build_ms = |spec: &MethodSpec| self.build_ms(spec, settings, session);
@@ -141,14 +144,14 @@ impl Speeds {
     }
 }
 
-/// Name of the methods that share a build time: method and marching mode.
+/// Key of the measured build times: name of the shadow method and its ray-marching mode.
 fn kind(spec: &MethodSpec) -> String {
     let march = spec.value("march").map_or(String::new(), |march| march.to_string());
     format!("{} {march}", spec.entry().name)
 }
 
-/// Cheaper variant for use during interaction: coarse values, and at most `map` texels a side where the method has
-/// `own` of them.
+/// Faster variant of a shadow method for use during interaction. It has coarse settings and at most `map` texels per
+/// side, where the requested method has `own` of them.
 fn coarse_method(spec: &MethodSpec, own: u32, map: u32) -> MethodSpec {
     let coarse = |(key, value): (&Key, Value)| match key.name {
         "map" if own > map => Value::Whole(map),

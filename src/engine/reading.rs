@@ -1,4 +1,4 @@
-//! Background reading of a volume: voxels, histogram and a suitable transfer function.
+//! Reading of a volume on a background thread: voxels, histogram and a suitable transfer function.
 
 use super::task::{Task, Wake};
 use crate::error::{Error, Result};
@@ -14,72 +14,74 @@ use std::sync::Arc;
 use std::sync::mpsc::TryRecvError;
 use std::time::Instant;
 
-/// Bins of the histogram behind the editor.
+/// Number of bins of the volume histogram in the transfer-function editor.
 const HISTOGRAM_BINS: usize = 512;
 
-/// Diameter of strands that are opened without one, mm.
+/// Assumed diameter of strands that are opened without one, mm.
 const ASSUMED_MM: f64 = 1.0;
 
-/// Volume that has been read, with its initial state.
+/// Volume that has been read from a file, with its histogram and the initial settings to show it.
 #[derive(Debug, Clone)]
 pub struct OpenedVolume {
-    /// Source and flags of the reading.
+    /// Path or name of the volume, with the flags by which it was read.
     pub spec: VolumeSpec,
-    /// Volume.
+    /// Voxel data that were read.
     pub volume: Arc<Volume>,
-    /// Strands that the volume was made from.
+    /// Hair or fibre strands from which the volume was voxelised, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Histogram of the values.
+    /// Histogram of the scalar values of the volume.
     pub histogram: Arc<Histogram>,
-    /// `None`: everything but the volume stays.
+    /// Initial settings to show the volume. `None` replaces only the volume of the open document.
     pub initial: Option<InitialState>,
-    /// Assumptions, one line each.
+    /// Notes and warnings from reading the volume, such as an assumed strand diameter, one line each.
     pub notes: Vec<String>,
 }
 
-/// State of the window after a volume was opened.
+/// Initial settings of the viewer after a volume was opened: transfer function, scene and shadow method.
 #[derive(Debug, Clone)]
 pub struct InitialState {
-    /// Transfer function.
+    /// Initial transfer function for the opened volume.
     pub tf: TransferFunction,
-    /// Preset or file of `tf`.
+    /// Preset name or file path of the initial transfer function.
     pub tf_source: String,
-    /// Requested units and opacity scale.
+    /// Units of the scalar values and opacity scale that the user requested.
     pub suiting: Suiting,
-    /// Segmentation and the functions of its labels.
+    /// Segmentation of the volume and the transfer functions of its labels.
     pub parts: MaskFlags,
-    /// Camera, lights and picture settings.
+    /// Initial scene of the opened volume: camera, lights and picture settings.
     pub scene: Scene,
-    /// Shadow method; `None`: unchanged.
+    /// Shadow method to use. `None` keeps the method of the previous document.
     pub method: Option<MethodSpec>,
-    /// Whether pictures are written without their background; `None`: unchanged.
+    /// Whether exported picture files have a transparent background. `None` keeps the choice of the previous
+    /// document.
     pub transparent: Option<bool>,
 }
 
-/// Settings that a volume is opened with.
+/// Source of the settings with which the viewer shows a newly opened volume.
 #[derive(Debug, Clone)]
 pub enum OpenMode {
-    /// Settings of a command line or a scene file.
+    /// Settings from a command line or a scene file.
     Settings(Box<SceneSettings>),
-    /// Another volume in the open window: suitable defaults, but the current light and picture settings.
+    /// Settings for another volume in the open window: suitable defaults, but with the current lights and picture
+    /// settings.
     Scene(Box<Scene>),
-    /// New voxels of the same strands; everything else stays.
+    /// Settings of the open document, unchanged, for a new voxelisation of its strands.
     Revoxelise,
 }
 
-/// Reading task; dropping it cancels the reading.
+/// Background task that reads a volume. Dropping it cancels the reading.
 pub struct ReadTask {
-    /// Path or name of the volume.
+    /// Path or name of the volume that is being read.
     pub source: String,
-    /// Start time.
+    /// Time at which reading the volume started.
     pub since: Instant,
-    /// Progress and cancellation.
+    /// Progress of reading the volume, which can also be cancelled.
     pub loading: Arc<Loading>,
     task: Task<Result<OpenedVolume>>,
 }
 
 impl ReadTask {
-    /// Starts reading; `wake` is called at the end.
+    /// Starts to read a volume on a background thread, which calls `wake` at the end.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -93,7 +95,7 @@ impl ReadTask {
         Ok(Self { source, since: Instant::now(), loading, task })
     }
 
-    /// Result; `None` while reading.
+    /// Result of reading the volume; `None` while the task runs.
     pub fn poll(&self) -> Option<Result<OpenedVolume>> {
         match self.task.poll() {
             Ok(outcome) => Some(outcome),
@@ -147,7 +149,7 @@ fn read(mut spec: VolumeSpec, with: OpenMode, loading: &Loading) -> Result<Opene
     Ok(OpenedVolume { spec, volume, strands, histogram, initial, notes })
 }
 
-/// Assumes a thickness for strands without one, since a dropped file has no flags.
+/// Assumes a diameter for strands without one, since a dropped file has no flags. Returns a note for the user.
 fn assume_thickness(spec: &mut VolumeSpec) -> Option<Diagnostic> {
     let thickness = &mut spec.flags.strands.thickness;
     if thickness.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
@@ -163,7 +165,7 @@ fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
     diagnostics.into_iter().map(|d| d.message).collect()
 }
 
-/// Keeps directional lights; replaces point lights, which belong to the old volume.
+/// Lights for a new volume: keeps directional lights, and replaces point lights, which belong to the old volume.
 fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
     let suitable = |source: &LightSource| match source.light {
         Light::Directional { .. } => *source,
@@ -172,7 +174,7 @@ fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
     scene.lights.iter().map(suitable).collect()
 }
 
-/// The shading, or none where it needs strands and the volume has none.
+/// Returns the requested shading, or no shading if it needs strands and the volume has none.
 pub fn suitable_shading(shading: Shading, has_strands: bool) -> Shading {
     if shading.is_of_strands() && !has_strands { Shading::None } else { shading }
 }

@@ -1,4 +1,5 @@
-//! Render thread: owns volume, tables and shadow maps, and draws into textures that the window shows.
+//! Render thread of the viewer: owns the volume, transfer-function tables and shadow maps, and renders into textures
+//! that the window shows.
 //!
 //! The window never waits for it.
 
@@ -15,7 +16,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
-/// Handle of the render thread.
+/// Handle of the render thread, through which the window sends requests and receives results.
 pub struct RenderThread {
     mailbox: Arc<Mailbox>,
     events: Receiver<Event>,
@@ -23,7 +24,7 @@ pub struct RenderThread {
 }
 
 impl RenderThread {
-    /// Starts the thread on a device.
+    /// Starts the render thread on a graphics device. The thread calls `wake` for each result.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -38,22 +39,22 @@ impl RenderThread {
         Ok(Self { mailbox, events, thread: Some(thread) })
     }
 
-    /// Requests a picture; replaces a request that has not begun.
+    /// Requests a picture from the render thread. It replaces an earlier picture request that has not started.
     pub fn request_frame(&self, request: FrameRequest) {
         self.mailbox.request_frame(request);
     }
 
-    /// Requests a job, which runs before the next picture.
+    /// Adds a job to the render thread's queue. Jobs run in order, before the next picture.
     pub fn push(&self, job: Job) {
         self.mailbox.push(job);
     }
 
-    /// Cancels the running export.
+    /// Cancels the picture export that is running.
     pub fn cancel_export(&self) {
         self.mailbox.cancel_export.store(true, Ordering::Relaxed);
     }
 
-    /// Events since the last call.
+    /// Returns the events that the render thread has sent since the last call.
     pub fn events(&self) -> Vec<Event> {
         self.events.try_iter().collect()
     }

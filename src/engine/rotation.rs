@@ -1,31 +1,32 @@
-//! Scenes of a turntable or a light sweep.
+//! Scenes of a full rotation of the camera (turntable) or of the lights (light sweep).
 
 use crate::scene::{Camera, Light, LightSource, Scene};
 use glam::{DQuat, DVec3};
 
-/// Object that rotates from one picture to the next, around the axis through the camera's target along its `up`.
+/// Object that rotates from one picture to the next: the camera or the lights. The axis passes through the camera's
+/// target along its `up` vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rotation {
-    /// Camera on a turntable.
+    /// Turntable: the camera rotates around its target.
     Camera,
-    /// All lights: directions rotate, points move on circles around the axis.
+    /// Light sweep: all lights rotate. Directional lights turn, and point lights move on circles around the axis.
     Lights,
 }
 
-/// One scene of a full rotation.
+/// Scene at one step of a full rotation of the camera or the lights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RotatedScene {
-    /// Rotation angle, degrees, counterclockwise as seen from the tip of `up`.
+    /// Rotation angle of this scene, degrees, counterclockwise as seen from the tip of the camera's `up` vector.
     pub angle_deg: f64,
-    /// Rotated scene.
+    /// Scene with the camera or the lights rotated by this angle.
     pub scene: Scene,
 }
 
 impl Rotation {
-    /// Maximum number of pictures: file names have four digits.
+    /// Maximum number of pictures in a full rotation, since their file names have four digits.
     pub const MAX_PICTURES: u32 = 10_000;
 
-    /// Scenes of a full rotation in equal steps; the first is `scene` itself.
+    /// Returns the scenes of a full rotation in `count` equal steps. The first is `scene` itself.
     pub fn scenes(self, scene: &Scene, count: u32) -> impl ExactSizeIterator<Item = RotatedScene> {
         let scene = scene.clone();
         (0..count).map(move |step| {
@@ -34,7 +35,8 @@ impl Rotation {
         })
     }
 
-    /// Whether the rotation changes the scene. A light sweep does not where every light lies on the axis.
+    /// Whether the rotation changes the scene. A light sweep changes nothing if every light lies on the rotation
+    /// axis.
     pub fn changes(self, scene: &Scene) -> bool {
         let Camera { target, up, .. } = scene.camera;
         let is_off =
@@ -46,7 +48,7 @@ impl Rotation {
             })
     }
 
-    /// Scene with the camera or the lights rotated by an angle, degrees.
+    /// Returns the scene with the camera or the lights rotated by an angle, degrees.
     pub fn rotated(self, scene: &Scene, angle_deg: f64) -> Scene {
         if angle_deg == 0.0 {
             return scene.clone();

@@ -1,4 +1,4 @@
-//! Shadow maps that several pictures share.
+//! Cache of shadow maps that several pictures share.
 
 use super::invalidation::shining_lights;
 use crate::error::Result;
@@ -8,25 +8,26 @@ use crate::scene::{Light, Scene};
 use crate::shadow::{Method, ShadowMap};
 use std::cell::Cell;
 
-/// Time spent on the preparation of a picture; `None` where nothing had to be done.
+/// Times spent to prepare a picture: transfer-function tables, brick classification and shadow maps. `None` marks a
+/// step that was not necessary.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Work {
-    /// Tables of the transfer function, ms.
+    /// Time to compute the transfer-function tables, ms.
     pub table_ms: Option<f64>,
-    /// Classification of bricks, ms.
+    /// Time to classify the volume's bricks (blocks of voxels), ms.
     pub classify_ms: Option<f64>,
-    /// Shadow structures, ms.
+    /// Time to build the shadow maps or other shadow data structures, ms.
     pub build_ms: Option<f64>,
-    /// Number of shadow structures built, empty ones included.
+    /// Number of shadow maps or other shadow data structures that were built, including empty ones.
     pub built: usize,
 }
 
-/// Points at which a shadow map must be valid.
+/// Set of points at which a shadow map must be valid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapCoverage {
-    /// Points visible in the scene's picture.
+    /// Requires the shadow map to be valid at all points that are visible in the picture.
     Picture,
-    /// All points.
+    /// Requires the shadow map to be valid at all points of the volume.
     AnyPoint,
 }
 
@@ -36,39 +37,43 @@ impl MapCoverage {
     }
 }
 
-/// Fraction of the view's extent added on each side, so that a small camera movement needs no new map.
+/// Margin around the view that a new shadow map also covers, as a fraction of the view's extent. Small camera
+/// movements then need no new map.
 const VIEW_MARGIN: f64 = 0.1;
 
-/// Rule that decides which cached maps a picture may use.
+/// Rule that decides which cached shadow maps a picture may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReusePolicy {
-    /// Maps that cover the picture. New maps get a margin around the view.
+    /// Allows any cached shadow map that covers the picture. New maps also cover a margin around the view.
     Covering,
-    /// Maps identical to a newly built one. Pictures do not depend on the pictures before, to the bit.
+    /// Allows only cached shadow maps identical to a newly built one. Each picture is then bit-identical whatever was
+    /// rendered before.
     Exact,
 }
 
-/// Everything that a shadow map is built from, apart from scene and method.
+/// Inputs from which a shadow map is built, apart from scene and method: volume and transfer-function tables on the
+/// device.
 #[derive(Clone, Copy)]
 pub struct MapSource<'a> {
-    /// Device and pipelines.
+    /// Renderer with the graphics device and its compute pipelines.
     pub renderer: &'a Renderer,
-    /// Volume.
+    /// Volume on the graphics device.
     pub loaded: &'a LoadedVolume,
-    /// Tables of the transfer function.
+    /// Lookup tables of the transfer function on the graphics device.
     pub transfer: &'a DeviceTransfer,
 }
 
-/// Method with all settings, as a key.
+/// Cache key of a shadow method: its name with all settings.
 fn method_key(method: &dyn Method) -> String {
     format!("{method:?}")
 }
 
-/// Methods that a picture may be drawn with.
+/// Shadow methods whose cached maps a picture may use.
 struct Acceptable {
-    /// Key of the requested method.
+    /// Cache key of the shadow method that the user requested.
     requested: String,
-    /// Key of the method that is built: the requested one, or `none` where the scene needs no shadows.
+    /// Cache key of the shadow method whose map is built: the requested method, or `none` if the scene needs no
+    /// shadows.
     effective: String,
     view: Option<View>,
 }
@@ -89,17 +94,18 @@ impl Acceptable {
     }
 }
 
-/// A shadow map with its key.
+/// Shadow map in the cache, with the method and light that it was built for.
 struct CachedMap {
     method: String,
     light: Light,
     map: ShadowMap,
-    /// Last view tested (`None`: all points) and the result. A test on a large volume takes milliseconds.
+    /// View for which the map's coverage was tested last (`None`: all points), and the result. Such a test on a large
+    /// volume takes milliseconds.
     tested: Cell<Option<(Option<View>, bool)>>,
 }
 
 impl CachedMap {
-    /// Whether the map may be used for a view; `None` means all points.
+    /// Whether this cached shadow map may be used for a view; `None` means all points of the volume.
     fn covers(&self, source: MapSource<'_>, view: Option<View>, reuse: ReusePolicy) -> bool {
         if let Some((_, covers)) = self.tested.get().filter(|(tested, _)| *tested == view) {
             return covers;
@@ -114,30 +120,31 @@ impl CachedMap {
     }
 }
 
-/// Least recently used cache of the shadow maps of one volume and one transfer function.
+/// Least-recently-used cache of the shadow maps of one volume with one transfer function.
 pub struct ShadowCache {
-    /// Maximum number of maps for each light of the picture, and in total for all other lights.
+    /// Maximum number of cached shadow maps for each light of the picture, and in total for all other lights.
     capacity: usize,
     reuse: ReusePolicy,
-    /// Maps; the most recently used one is last.
+    /// Cached shadow maps, the most recently used one last.
     maps: Vec<CachedMap>,
 }
 
 impl ShadowCache {
-    /// Capacity for interactive use: two methods side by side, each coarse and at full quality.
+    /// Cache capacity (shadow maps per light) for interactive use: two methods side by side, each coarse and at full
+    /// quality.
     pub const INTERACTIVE: usize = 4;
 
-    /// Creates an empty cache with a capacity per light.
+    /// Creates an empty cache for `capacity` shadow maps per light.
     pub fn new(capacity: usize, reuse: ReusePolicy) -> Self {
         Self { capacity, reuse, maps: Vec::new() }
     }
 
-    /// Removes all maps.
+    /// Removes all shadow maps from the cache.
     pub fn clear(&mut self) {
         self.maps.clear();
     }
 
-    /// Number of structures that [`Self::prepare`] would build for the picture of a scene.
+    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene.
     pub fn missing(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> usize {
         let acceptable = Acceptable::new(source, method, scene, MapCoverage::Picture.view(scene));
         let is_missing = |light: &&Light| self.find(source, &acceptable, **light).is_none();
@@ -147,7 +154,7 @@ impl ShadowCache {
         }
     }
 
-    /// Whether maps of the method exist for every light, but one of them does not cover the picture.
+    /// Whether shadow maps of the method exist for every light, but one of them does not cover the visible region.
     pub fn is_outgrown(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> bool {
         let method_key = method_key(method);
         let exists =
@@ -164,10 +171,11 @@ impl ShadowCache {
         })
     }
 
-    /// Returns a shadow structure for each light that shines, in their order; missing ones are built.
+    /// Returns the shadow map of each light that is not black, in the order of the lights. Builds the maps that
+    /// are not in the cache.
     ///
     /// # Errors
-    /// A structure that the adapter cannot hold.
+    /// A shadow map that the graphics adapter cannot hold.
     pub fn prepare(
         &mut self,
         source: MapSource<'_>,
@@ -189,7 +197,7 @@ impl ShadowCache {
             }
         }
         if !acceptable.needs_shadows() {
-            // Empty structures of earlier lights must not evict maps that took long to build.
+            // Empty shadow maps of earlier lights must not evict maps that took long to build.
             self.maps.retain(|map| map.method != acceptable.effective || lights.contains(&map.light));
         }
         self.make_room(&lights, missing.len());
@@ -210,7 +218,8 @@ impl ShadowCache {
         Ok(lights.iter().filter_map(last).collect())
     }
 
-    /// Evicts the least recently used maps until `missing` more fit; maps of other lights go first.
+    /// Evicts the least recently used shadow maps until there is space for `missing` more. Maps of other lights are
+    /// evicted first.
     fn make_room(&mut self, lights: &[Light], missing: usize) {
         let is_other = |map: &CachedMap| !lights.contains(&map.light);
         loop {

@@ -1,4 +1,4 @@
-//! Background threads that send messages to the window.
+//! Background threads that send messages to the viewer window.
 
 use crate::error::{Error, Result};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,10 +8,10 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// Callback that makes the window look for events.
+/// Callback by which a background thread makes the viewer window look for new messages.
 pub type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// Running thread; dropping it cancels the work.
+/// Background thread that sends messages of type `T`. Dropping the task asks the thread to stop.
 pub struct Task<T> {
     messages: Receiver<T>,
     cancelled: Arc<AtomicBool>,
@@ -19,7 +19,8 @@ pub struct Task<T> {
 }
 
 impl<T: Send + 'static> Task<T> {
-    /// Starts `work`, which should end soon after its flag is set; `wake` is called at the end.
+    /// Starts a background thread that runs `work` and calls `wake` at the end. `work` should return soon after its
+    /// cancel flag is set.
     ///
     /// # Errors
     /// The system cannot start a thread.
@@ -32,7 +33,7 @@ impl<T: Send + 'static> Task<T> {
         let cancelled = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&cancelled);
         let run = move || {
-            // A panic is noticed by its missing message.
+            // The receiver detects a panic by the missing message.
             let _ = catch_unwind(AssertUnwindSafe(|| work(&sender, &flag)));
             drop(sender);
             wake();
@@ -42,27 +43,27 @@ impl<T: Send + 'static> Task<T> {
         Ok(Self { messages, cancelled, thread })
     }
 
-    /// Next message.
+    /// Returns the next message of the background thread.
     ///
     /// # Errors
-    /// There is none now, or the thread has ended.
+    /// No message is available now, or the thread has ended.
     pub fn poll(&self) -> Result<T, TryRecvError> {
         self.messages.try_recv()
     }
 }
 
 impl<T> Task<T> {
-    /// Asks the thread to end.
+    /// Asks the background thread to stop.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the thread was asked to end.
+    /// Whether the background thread was asked to stop.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Cancels, and waits for the end of the thread for at most this time.
+    /// Asks the background thread to stop, and waits until it has ended, for at most `most`.
     pub fn end_within(&self, most: Duration) {
         self.cancel();
         let start = Instant::now();

@@ -1,4 +1,4 @@
-//! "Browse…" button with the system's file dialog, on its own thread.
+//! "Browse…" button, which opens the system's file dialog on a separate thread.
 
 use crate::engine::task::Task;
 use eframe::egui;
@@ -7,22 +7,23 @@ use std::sync::Arc;
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
-/// A dialog that closes within this time was never shown.
+/// Minimum time that a file dialog is open. A dialog that closes sooner was never shown by the system.
 const MIN_DIALOG_TIME: Duration = Duration::from_millis(400);
 
-/// Shows a dialog and returns the chosen path.
+/// Function that shows a file dialog and returns the path that the user chose; `None` if cancelled.
 pub type Pick = fn(rfd::FileDialog) -> Option<PathBuf>;
 
-/// State of the button.
+/// State of a "Browse…" button and its file dialog.
 #[derive(Default)]
 pub struct Browse {
     pending: Option<(Instant, Task<Option<PathBuf>>)>,
-    /// The system showed no dialog.
+    /// Whether the system failed to show a file dialog.
     pub is_unavailable: bool,
 }
 
 impl Browse {
-    /// Shows the button, for a dialog in the folder of `path`; returns a path once one was chosen.
+    /// Shows the "Browse…" button, whose file dialog starts in the folder of `path`. Returns a path in the frame
+    /// after the user chose one.
     pub fn show(
         &mut self,
         ui: &mut egui::Ui,

@@ -1,4 +1,4 @@
-//! Clip planes: section of the side panel, and handles in the view.
+//! Clip planes in the viewer: their section of the side panel, and their handles over the picture.
 
 use super::widgets::{project, project_anywhere};
 use crate::app::clip;
@@ -9,14 +9,15 @@ use crate::transfer::{ClipPlane, MOST_CLIP_PLANES};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Shape, Stroke, Vec2, vec2};
 use glam::DVec3;
 
-/// Radius of a handle, points.
+/// Radius around a clip plane's handle in which the pointer drags it, screen points.
 const REACH: f32 = 11.0;
-/// Screen movement in points per mm below which a plane faces the eye and vertical drags move it.
+/// Screen movement of a clip plane, points per mm, below which the plane faces the camera. Vertical drags then move
+/// it.
 const FACING: f32 = 1e-3;
-/// Colour of outlines and handles.
+/// Colour of the outlines and handles of clip planes.
 const COLOR: Color32 = Color32::from_rgb(120, 215, 255);
 
-/// Shows the section.
+/// Shows the clip planes section of the side panel.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let corners = document.volume.corners_mm();
@@ -82,7 +83,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     document.set_clip(planes, begins);
 }
 
-/// Paints outlines and handles over the picture.
+/// Paints the outlines and handles of the clip planes over the picture.
 pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     for plane in &document.tf.clip {
@@ -99,7 +100,7 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     }
 }
 
-/// Moves planes by their handles, whose responses join `any`.
+/// Moves clip planes when the user drags their handles. The pointer responses of the handles are merged into `any`.
 pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, any: &mut egui::Response) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     let mut planes = document.tf.clip.clone();
@@ -120,7 +121,7 @@ pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, any: &mut egui
     document.set_clip(planes, begins);
 }
 
-/// Distance along `normal` for a drag at a point, mm.
+/// Converts a pointer drag at a world point to a distance along `normal`, mm.
 fn drag_mm(camera: &crate::scene::Camera, rect: Rect, at: DVec3, normal: DVec3, drag: Vec2) -> f64 {
     let away = (at - camera.eye).length().max(1e-9);
     // Short enough to be straight on screen.

@@ -1,4 +1,4 @@
-//! Orientation cube: a click looks from a face, edge or corner; a drag rotates the camera.
+//! Orientation cube over the picture. A click on a face, edge or corner selects that view; a drag rotates the camera.
 
 use crate::app::camera;
 use crate::app::cube;
@@ -9,22 +9,24 @@ use eframe::egui::{
 };
 use glam::{DVec2, IVec3};
 
-/// Half the edge length of the orientation cube, points.
+/// Half the edge length of the orientation cube, screen points.
 const HALF: f32 = 21.0;
-/// Half size of the clickable square: a corner reaches the square root of 3.
+/// Half size of the clickable square around the orientation cube, screen points. A cube corner extends to sqrt(3)
+/// times the half edge.
 const REACH: f32 = 37.0;
-/// Offset from the view's upper right corner, below the names of the methods, points.
+/// Offset of the orientation cube from the upper right corner of the picture, below the names of the shadow methods,
+/// in screen points.
 const PLACE: Vec2 = vec2(-44.0, 66.0);
-/// Minimum size of the view, points.
+/// Minimum size of the picture at which the orientation cube is shown, screen points.
 const LEAST_VIEW: Vec2 = vec2(240.0, 190.0);
-/// Rotation of a drag across the cube, radians.
+/// Camera rotation for a drag across the whole orientation cube, radians.
 const TURN: f64 = std::f64::consts::PI;
-/// Colour under the pointer: contrast of 6 to white.
+/// Colour of the orientation-cube cell under the pointer. Its contrast to white text is 6.
 const CHOSEN: Color32 = Color32::from_rgb(40, 100, 170);
-/// Minimum cosine of a readable letter's face.
+/// Minimum cosine between a cube face and the view direction at which the face shows its letter.
 const LEGIBLE: f64 = 0.3;
 
-/// Shows the cube over the view and handles its input.
+/// Shows the orientation cube over the picture and handles its clicks and drags.
 pub fn show(ui: &egui::Ui, rect: Rect, model: &mut Model) {
     if !model.settings.cube || rect.width() < LEAST_VIEW.x || rect.height() < LEAST_VIEW.y {
         return;

@@ -1,11 +1,11 @@
-//! List of keyboard shortcuts and pointer actions.
+//! Help window: keyboard shortcuts and pointer actions of the viewer.
 
 use eframe::egui;
 
-/// Title of the window.
+/// Title of the help window with the keyboard shortcuts and pointer actions.
 pub const TITLE: &str = "Keys and pointer";
 
-/// Keys and their actions.
+/// Keyboard shortcuts and pointer actions of the viewer, each with its description.
 const KEYS: [(&str, &str); 18] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
@@ -40,10 +40,10 @@ const POINTER: [(&str, &str); 10] = [
     ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
-/// Size of the full list, points.
+/// Size of the help window that shows all keyboard shortcuts without scrolling, screen points.
 const SIZE: egui::Vec2 = egui::vec2(720.0, 760.0);
 
-/// Shows the list while it is open.
+/// Shows the help window with the keyboard shortcuts while `open` is set.
 pub fn show(context: &egui::Context, open: &mut bool) {
     let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
     egui::Window::new(TITLE)

@@ -1,4 +1,4 @@
-//! Keyboard shortcuts.
+//! Keyboard shortcuts of the viewer window.
 
 use super::difference::Difference;
 use super::prompt::Purpose;
@@ -6,7 +6,7 @@ use super::windows::Windows;
 use crate::app::model::Model;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
-/// Handles pressed keys.
+/// Handles the keyboard shortcuts pressed in this frame.
 pub fn shortcuts(
     context: &egui::Context,
     model: &mut Model,

@@ -1,13 +1,13 @@
-//! Labels of a segmentation: section of the side panel.
+//! Segmentation labels: the section of the side panel that shows or hides each label.
 
 use crate::app::model::Model;
 use crate::transfer::LabelClass;
 use eframe::egui;
 
-/// Height of the list, points.
+/// Height of the list of segmentation labels in the side panel, screen points.
 const HEIGHT: f32 = 170.0;
 
-/// Shows the section, for a volume with labels.
+/// Shows the side panel section of the segmentation labels, if the volume has any.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let Some(labels) = document.volume.labels().cloned() else { return };

@@ -1,4 +1,4 @@
-//! Lights, ambient light and shading: section of the side panel.
+//! Lighting section of the side panel: lights, ambient light and shading.
 
 use crate::app::camera;
 use crate::app::document::Document;
@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use eframe::egui::{self, Color32, Painter, Pos2, Sense, Stroke, vec2};
 use glam::DVec3;
 
-/// Shows the section.
+/// Shows the lighting section of the side panel: lights, ambient light and shading.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let (center, radius) = document.bounding_sphere();
@@ -78,7 +78,8 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     ui.weak("Shift-drag in the view moves the edited light");
 }
 
-/// Light direction on a sphere in camera space; returns a dragged direction.
+/// Shows the direction of the edited light on a disc in camera space. Returns the new direction when the user drags
+/// it.
 fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
     let (rect, response) = ui.allocate_exact_size(vec2(104.0, 104.0), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "light direction"));
@@ -103,7 +104,8 @@ fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
     })
 }
 
-/// Paints a light direction on a disc; `behind` fills the point where the light is behind the volume.
+/// Paints the direction of a light as a point on a disc. The point is filled with `behind` if the light is behind the
+/// volume.
 pub fn paint_light(
     painter: &Painter,
     (center, radius): (Pos2, f32),
@@ -119,7 +121,7 @@ pub fn paint_light(
     painter.circle(at, 6.5, fill, Stroke::new(2.0, color));
 }
 
-/// List of the lights, with buttons to add and remove.
+/// Shows the list of lights of the scene, with buttons to add and remove lights.
 fn list(ui: &mut egui::Ui, document: &mut Document) {
     let chosen = document.chosen_light();
     ui.horizontal_wrapped(|ui| {

@@ -1,4 +1,4 @@
-//! Panels: each shows its part of the window from the model and edits it.
+//! Panels of the viewer window. Each shows one part of the shared state and edits it.
 
 mod browse;
 mod clip;

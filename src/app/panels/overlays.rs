@@ -1,4 +1,4 @@
-//! Overlays of the view: anatomical letters, lights, the probed point and the picture size.
+//! Overlays over the picture: anatomical letters, lights, the probed point and the picture size.
 
 use super::clip;
 use super::difference::{Difference, legend};
@@ -10,10 +10,11 @@ use crate::app::theme;
 use crate::scene::Light;
 use eframe::egui::{self, Align2, Color32, Rect, Stroke, vec2};
 
-/// Minimum distance between letters and the split line, points.
+/// Minimum distance between an anatomical letter and the split line of the picture, screen points.
 const BESIDE_LINE: f32 = 22.0;
 
-/// Paints the overlays. The names of the methods end at `below_tags`.
+/// Paints the overlays over the picture, such as anatomical letters and lights. `below_tags` is the lower edge of the
+/// method names.
 pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, difference: &Difference) {
     let painter = &ui.painter_at(rect);
     let Some(document) = &model.document else { return };

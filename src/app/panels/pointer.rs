@@ -1,4 +1,4 @@
-//! Pointer input in the view: camera, light, split line and probes.
+//! Pointer input on the picture: moves camera, light and split line, and probes the transmittance at a clicked point.
 
 use super::clip;
 use crate::app::camera;
@@ -8,18 +8,19 @@ use crate::engine::messages::ProbeTarget;
 use crate::scene::Light;
 use eframe::egui::{self, Rect, Sense, vec2};
 
-/// Rotation of a drag across the height of the view, radians.
+/// Camera or light rotation for a drag across the height of the picture, radians.
 const TURN: f64 = 1.2 * std::f64::consts::PI;
-/// Zoom factor of one wheel notch (50 points).
+/// Camera zoom factor for one notch of the mouse wheel (50 points of scrolling).
 const NOTCH: f64 = 1.15;
 
-/// Handles drags, the wheel and clicks in the view.
+/// Handles drags, wheel and clicks on the picture: they move the camera, lights and clip planes, or probe the
+/// transmittance at a point.
 pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Response) {
     let Some(document) = &mut model.document else { return };
     let height = f64::from(rect.height().max(1.0));
     let modifiers = ui.input(|i| i.modifiers);
     let (_, radius) = document.bounding_sphere();
-    // Handles take drags of the primary button; everything else is as beside them.
+    // Handles take only drags with the primary button; other input passes through them.
     let mut any = response.clone();
     clip::follow(ui, rect, document, &mut any);
     drag_split(ui, rect, &mut model.split, &mut any);
@@ -64,7 +65,7 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
     }
 }
 
-/// Moves the split by its line, whose response joins `any`.
+/// Moves the split line between two shadow methods when the user drags it. Its pointer response is merged into `any`.
 fn drag_split(ui: &egui::Ui, rect: Rect, split: &mut Split, any: &mut egui::Response) {
     let flickers = split.flickers();
     let Some(share) = split.share.as_mut().filter(|_| !flickers) else { return };

@@ -1,4 +1,4 @@
-//! List of presets with thumbnails of the open volume.
+//! List of transfer-function presets, each with a thumbnail of the open volume.
 
 use super::widgets::file_name;
 use crate::app::model::Model;
@@ -12,25 +12,25 @@ use eframe::egui_wgpu::RenderState;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Size of a thumbnail, pixels.
+/// Size of a preset's thumbnail, pixels.
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// Zoom of a thumbnail: the framed scene has a margin.
+/// Factor that moves the camera closer for preset thumbnails, since the default framing has a margin.
 const CLOSER: f64 = 0.75;
-/// Ambient light without shadows, so that shape is visible.
+/// Ambient light of preset thumbnails, which are rendered without shadows.
 const AMBIENT: f64 = 0.35;
 
-/// Thumbnails.
+/// Thumbnails of the open volume with each transfer-function preset.
 #[derive(Default)]
 pub struct Presets {
-    /// Thumbnails by preset.
+    /// Finished thumbnails by index of the transfer-function preset.
     pub thumbnails: HashMap<usize, Thumbnail>,
-    /// Preset that is being drawn.
+    /// Index of the preset whose thumbnail is being rendered; `None` if none is.
     waiting: Option<usize>,
 }
 
 impl Presets {
-    /// Shows the list.
+    /// Shows the list of transfer-function presets; a click loads the preset.
     pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model, state: Option<&RenderState>) {
         let Some(document) = &model.document else { return };
         let name = &document.tf_source.0;
@@ -57,17 +57,17 @@ impl Presets {
         }
     }
 
-    /// Thumbnail of a preset for the open volume.
+    /// Thumbnail of a transfer-function preset, if it shows the volume that is open now.
     fn thumbnail(&self, index: usize, model: &Model) -> Option<&Thumbnail> {
         let document = model.document.as_ref()?;
         let found = self.thumbnails.get(&index)?;
         Arc::ptr_eq(&found.volume, &document.volume).then_some(found)
     }
 
-    /// Requests the next missing or outdated thumbnail.
+    /// Requests the next preset thumbnail that is missing or outdated.
     fn ask(&mut self, model: &Model) {
         let Some(document) = &model.document else { return };
-        // The view has priority.
+        // The main picture has priority over thumbnails.
         if self.waiting.is_some() || !model.settled {
             return;
         }
@@ -91,14 +91,14 @@ impl Presets {
         model.thread.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
     }
 
-    /// Takes a thumbnail.
+    /// Stores a preset thumbnail from the render thread.
     pub fn take(&mut self, thumbnail: Thumbnail) {
         self.waiting = None;
         self.thumbnails.insert(thumbnail.index, thumbnail);
     }
 }
 
-/// Shows a row of the list; returns whether it was clicked.
+/// Shows one preset in the list with its thumbnail. Returns whether the user clicked it.
 fn preset_row(
     ui: &mut egui::Ui,
     preset: &Preset,

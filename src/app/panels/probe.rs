@@ -1,4 +1,5 @@
-//! Window of the probe: transmittance against depth along the light ray, exact and by method.
+//! Probe window: plots transmittance against depth along the light ray through a point, exact and by each shadow
+//! method.
 
 use super::widgets::method_name;
 use crate::app::model::Model;
@@ -7,13 +8,13 @@ use crate::engine::messages::{MethodCurve, NearestRay, ProbedBound};
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
-/// Title of the window.
+/// Title of the probe window, which plots transmittance along a light ray.
 pub const TITLE: &str = "Probe";
 
-/// Minimum height of the plot, points.
+/// Minimum height of the transmittance plot in the probe window, screen points.
 const MIN_HEIGHT: f32 = 140.0;
 
-/// Shows the window while there is a result.
+/// Shows the probe window, a plot of transmittance along a light ray, while there is a probe result.
 pub fn show(context: &egui::Context, model: &mut Model) {
     let Some(probe) = &model.probe else { return };
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
@@ -54,7 +55,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
             let exact = ui.visuals().strong_text_color();
             let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
             let same = names.len() == 2 && names[0] == names[1];
-            // Remaining height.
+            // Height that remains for the plot.
             let used = ui.cursor().top() - ui.min_rect().top();
             let height = (ui.clip_rect().height() - used - 16.0).max(MIN_HEIGHT);
             Plot::new("transmittance")
@@ -84,7 +85,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     }
 }
 
-/// Describes a method's error bound and its test near the point.
+/// Describes the error bound of a shadow method, and whether it is satisfied on a light ray near the probed point.
 fn describe_bound(curve: &MethodCurve) -> String {
     let name = method_name(&curve.spec);
     let Some(ProbedBound { bound, nearest }) = curve.bound else {

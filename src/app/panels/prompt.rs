@@ -1,4 +1,4 @@
-//! Path prompt: a text field with Tab completion and the system's file dialog.
+//! Path prompt: asks for a file path with a text field, Tab completion and the system's file dialog.
 
 use super::browse::{Browse, Pick};
 use crate::app::model::Model;
@@ -10,23 +10,24 @@ use eframe::egui::text_edit::TextEditState;
 use eframe::egui::{self, Key, Modifiers};
 use std::path::{MAIN_SEPARATOR_STR, Path, absolute, is_separator};
 
-/// Use of the path.
+/// Purpose of the file path that the prompt asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Open a volume, strands or a scene.
+    /// Path of a volume, a file of strands or a scene file to open.
     OpenVolume,
-    /// Load a transfer function.
+    /// Path of a transfer function to load.
     LoadTransfer,
-    /// Save the transfer function.
+    /// Path of the file to which the transfer function is saved.
     SaveTransfer,
-    /// Save the scene.
+    /// Path of the scene file to save.
     SaveScene,
-    /// Export a picture.
+    /// Path of the picture file to export.
     ExportPicture,
 }
 
 impl Purpose {
-    /// Title of the prompt, kind of the files, their extensions, and a suggested name; empty where a file is opened.
+    /// Texts of a path prompt: title, kind of file, file extensions, and suggested file name. The name is empty if a
+    /// file is opened.
     fn texts(self) -> (&'static str, &'static str, Vec<&'static str>, &'static str) {
         match self {
             Self::OpenVolume => {
@@ -49,13 +50,13 @@ impl Purpose {
     }
 }
 
-/// Prompt for a path, open or closed.
+/// State of the prompt that asks for a file path.
 #[derive(Default)]
 pub struct Prompt {
     open: Option<Purpose>,
     text: String,
-    /// Frames in which the field takes the focus with the file name selected. The first one measures the window and may
-    /// lose both.
+    /// Number of frames in which the prompt's text field takes the focus and selects the file name. The first frame
+    /// measures the window and may lose both.
     select_frames: u8,
     size: [u32; 2],
     backdrop: Backdrop,
@@ -63,7 +64,7 @@ pub struct Prompt {
 }
 
 impl Prompt {
-    /// Opens the prompt.
+    /// Opens the prompt for a file path with the given purpose.
     pub fn ask(&mut self, model: &Model, purpose: Purpose) {
         let document = model.document.as_ref();
         let transparent = document.is_some_and(|d| d.transparent);
@@ -77,12 +78,12 @@ impl Prompt {
         };
     }
 
-    /// Whether the prompt is open.
+    /// Whether the prompt for a file path is open.
     pub fn is_open(&self) -> bool {
         self.open.is_some()
     }
 
-    /// Shows the open prompt; a confirmed path is used.
+    /// Shows the prompt if it is open. Opens, saves or exports the file when the user confirms the path.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
         let (title, kind, extensions, _) = purpose.texts();
@@ -138,7 +139,7 @@ impl Prompt {
         }
     }
 
-    /// Shows the field, with the file name selected in the first frame.
+    /// Shows the prompt's text field for the path, with the file name selected at first.
     fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) {
         let id = egui::Id::unique("path field");
         let takes_focus = self.select_frames > 0;
@@ -191,7 +192,7 @@ impl Prompt {
         if Path::new(folder).is_dir()
             && let Ok(folder) = absolute(folder)
         {
-            // With its separator, so that a name can follow.
+            // A folder ends with a separator, so that a file name can follow.
             model.settings.folder = folder.join("").display().to_string();
         }
         match purpose {
@@ -204,12 +205,12 @@ impl Prompt {
     }
 }
 
-/// Splits a path after its last separator: folder and name.
+/// Splits a path after its last separator into folder and file name.
 fn split(typed: &str) -> (&str, &str) {
     typed.split_at(typed.rfind(is_separator).map_or(0, |at| at + 1))
 }
 
-/// Replaces a leading `~` by the home folder.
+/// Replaces a leading `~` of a path by the home folder.
 fn expanded(typed: &str) -> String {
     let rest = typed.strip_prefix('~').filter(|rest| rest.is_empty() || rest.starts_with(is_separator));
     match rest.zip(dirs::home_dir()) {
@@ -218,7 +219,8 @@ fn expanded(typed: &str) -> String {
     }
 }
 
-/// Completes a path as far as all matching folders and files agree; `None` where nothing can be added.
+/// Completes a typed path up to the longest common prefix of all matching folders and files. `None` if nothing can be
+/// added.
 fn completed(typed: &str, extensions: &[&str]) -> Option<String> {
     let (folder, begun) = split(typed);
     let is_meant = |name: &str| {

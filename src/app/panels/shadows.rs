@@ -1,4 +1,4 @@
-//! Side panel section of the shadow methods: settings from the registry, and build reports.
+//! Shadow section of the side panel: the shadow method with its settings, and the build report of its shadow map.
 
 use super::difference::Difference;
 use super::widgets::{error_label, property};
@@ -8,12 +8,12 @@ use crate::engine::messages::MethodFrame;
 use crate::shadow::{Key, Kind, METHODS, MethodSpec};
 use eframe::egui;
 
-/// Width of the buttons beside a setting, points.
+/// Width of the value buttons beside a setting of a shadow method, screen points.
 const BUTTONS_WIDTH: f32 = 122.0;
-/// Maximum number of choices shown as buttons.
+/// Maximum number of named values of a method setting that are shown as buttons instead of a list.
 const MAX_BUTTONS: usize = 4;
 
-/// Shows the section.
+/// Shows the shadow section of the side panel: shadow method, settings and build report.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
     let Some(document) = &mut model.document else { return };
     method_editor(ui, "method", &mut document.method);
@@ -54,7 +54,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
     });
 }
 
-/// Shows the build report of a method.
+/// Shows the build report of a shadow map: memory, number of curve nodes and error bound.
 fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
     egui::Grid::new(("report", &side.spec, split)).num_columns(2).show(ui, |ui| {
         let mut row = |name, value, tooltip| property(ui, name, value, tooltip);
@@ -74,7 +74,7 @@ fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
     });
 }
 
-/// Editor of a method and its settings.
+/// Shows controls to choose a shadow method and edit its settings.
 fn method_editor(ui: &mut egui::Ui, name: &str, spec: &mut MethodSpec) {
     let shown = spec.entry().name;
     let response = egui::ComboBox::from_id_salt(name).selected_text(shown).width(200.0).show_ui(ui, |ui| {
@@ -112,7 +112,7 @@ fn method_editor(ui: &mut egui::Ui, name: &str, spec: &mut MethodSpec) {
     }
 }
 
-/// Editor of one setting: buttons or a list for named values, a field otherwise.
+/// Shows the control for one setting of a shadow method: buttons or a list for named values, or else a text field.
 fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     let tooltip = format!("{} ({}) [default: {}]", key.help, key.values(), key.default);
     ui.horizontal(|ui| {

@@ -1,4 +1,4 @@
-//! Side panel: shadow method, light, picture, times and volume.
+//! Side panel of the viewer: shadow method, light, picture, times and volume.
 
 use super::difference::Difference;
 use super::strands::StrandsForm;
@@ -11,10 +11,10 @@ use crate::files::color;
 use crate::scene::AXIS_VIEWS;
 use eframe::egui;
 
-/// Width of the panel, points.
+/// Width of the side panel, screen points.
 const WIDTH: f32 = 330.0;
 
-/// Shows the panel while a volume is open.
+/// Shows the side panel while a volume is open.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,

@@ -1,4 +1,4 @@
-//! Three slices along the volume's axes, with a crosshair linked to the probe.
+//! Three slices of the volume along its axes, with a crosshair that is linked to the probe.
 
 use crate::app::camera::marks;
 use crate::app::document::Document;
@@ -11,34 +11,35 @@ use eframe::egui::{self, Align2, Color32, Rect, Sense, Stroke, pos2, vec2};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Maximum side of a slice's texture; larger slices are subsampled.
+/// Maximum number of texels along a side of a slice's texture. Larger slices are subsampled.
 const MAX_TEXELS: usize = 512;
 
-/// Depth and window of a texture.
+/// Contents of a slice texture: index of the slice, and the scalar values shown as black and white.
 type Shown = (usize, [f64; 2]);
 
-/// Crosshair and textures of the slices.
+/// State of the three views of volume slices: crosshair, grey window and textures.
 #[derive(Default)]
 pub struct Slices {
-    /// Crosshair, index coordinates.
+    /// Position of the crosshair in the volume, index coordinates.
     at: DVec3,
-    /// Values of black and white; `None` without a volume.
+    /// Scalar values that the slices show as black and white; `None` without a volume.
     window: Option<[f64; 2]>,
-    /// Textures and their contents.
+    /// Texture of each slice view with a key of its contents.
     textures: [Option<(egui::TextureHandle, Shown)>; 3],
 }
 
-/// Index axes to the right, down and across of each slice.
+/// Volume axes of each slice view: horizontal, vertical and perpendicular to the slice.
 const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [0, 2, 1], [1, 2, 0]];
 
-/// Placement of a slice on screen.
+/// Placement of a volume slice on screen.
 struct Layout {
-    /// Rectangle of the slice.
+    /// Rectangle of the volume slice on screen, screen points.
     place: Rect,
     dims: [usize; 3],
-    /// Index axes to the right, down and across.
+    /// Volume axes of the slice: horizontal, vertical and perpendicular to it.
     axes: [usize; 3],
-    /// World directions of the right and down axes, and whether they are flipped on screen.
+    /// World directions of the horizontal and vertical axes of the slice. `flip` tells whether each is mirrored on
+    /// screen.
     world: [DVec3; 2],
     flip: [bool; 2],
 }
@@ -56,13 +57,13 @@ impl Layout {
         Self { place: Rect::from_center_size(cell.center(), size), dims, axes, world, flip }
     }
 
-    /// Texture coordinates of the rectangle.
+    /// Texture coordinates of the volume slice, mirrored where an axis is flipped.
     fn uv(&self) -> Rect {
         let [x, y] = self.flip.map(|flip| if flip { [1.0, 0.0] } else { [0.0, 1.0] });
         Rect::from_min_max(pos2(x[0], y[0]), pos2(x[1], y[1]))
     }
 
-    /// Screen position of an index.
+    /// Screen position of a point of the volume on this slice, given by index coordinates.
     fn on_screen(&self, at: DVec3) -> egui::Pos2 {
         let [x, y] = [0, 1].map(|i| {
             let axis = self.axes[i];
@@ -72,7 +73,7 @@ impl Layout {
         self.place.min + vec2(x, y) * self.place.size()
     }
 
-    /// Sets the in-plane coordinates of an index from a screen position.
+    /// Sets the two in-plane index coordinates of `at` to those of a screen position on the slice.
     fn move_to(&self, at: &mut DVec3, place: egui::Pos2) {
         let share = (place - self.place.min) / self.place.size();
         for (i, share) in [share.x, share.y].into_iter().enumerate() {
@@ -84,7 +85,8 @@ impl Layout {
 }
 
 impl Slices {
-    /// Resets the crosshair to the volume's centre.
+    /// Resets the crosshair of the slice views to the centre of the volume, and their grey window to the transfer
+    /// function.
     pub fn reset(&mut self, document: Option<&Document>) {
         *self = Self::default();
         let Some(document) = document else { return };
@@ -99,7 +101,7 @@ impl Slices {
         self.window = Some(if window[1] > window[0] { window } else { [min, max.max(min + 1e-6)] });
     }
 
-    /// Moves the crosshair to a world point.
+    /// Moves the crosshair of the slice views to a world point.
     pub fn go_to(&mut self, document: Option<&Document>, point: DVec3) {
         let Some(document) = document else { return };
         let index = document.volume.index_from_world().transform_point3(point);
@@ -107,7 +109,7 @@ impl Slices {
         self.at = index.clamp(DVec3::ZERO, last);
     }
 
-    /// Shows the three slices in `rect`.
+    /// Shows the three slices of the volume in `rect`.
     pub fn show(&mut self, ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
         let Some(document) = &model.document else { return };
         let Some(window) = self.window else { return };
@@ -154,7 +156,7 @@ impl Slices {
         shadowed_text(&painter, corner, Align2::RIGHT_BOTTOM, &note, 10.5, theme::DIM_OVER_PICTURE);
     }
 
-    /// Handles the input of one slice; returns whether to probe the crosshair.
+    /// Handles pointer input on one slice. Returns whether to probe the point under the crosshair.
     fn follow(
         &mut self,
         ui: &egui::Ui,
@@ -185,7 +187,7 @@ impl Slices {
         probes
     }
 
-    /// Texture of a slice, made again where its depth or the window changes.
+    /// Texture of a volume slice, updated if the slice index or the grey window has changed.
     fn texture(
         &mut self,
         context: &egui::Context,

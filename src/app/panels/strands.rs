@@ -1,4 +1,4 @@
-//! Voxelisation of strands: section of the side panel.
+//! Strands section of the side panel: settings of the voxelisation of strands (hair or fibres).
 
 use crate::app::document::Document;
 use crate::app::model::Model;
@@ -8,23 +8,23 @@ use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT};
 use clap::ValueEnum;
 use eframe::egui;
 
-/// Texts of the fields, valid or not.
+/// Texts that the user typed into the voxelisation fields of the strands section, valid or not.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StrandsForm {
-    /// Voxels along the longest side; empty: the default.
+    /// Text of the number of voxels along the longest side of the voxelised volume. Empty selects the default.
     resolution: String,
     kernel: Option<Kernel>,
-    /// Diameter of all strands, mm; empty: from the file.
+    /// Text of the diameter of all strands, mm. Empty uses the diameters from the file.
     thickness_mm: String,
 }
 
-/// Whether the open volume was made from strands.
+/// Whether the open volume was voxelised from strands, so that the strands section is shown.
 pub fn are_shown(model: &Model) -> bool {
     model.document.as_ref().is_some_and(|d| d.volume.provenance.format == STRANDS_FORMAT)
 }
 
 impl StrandsForm {
-    /// Fields for the flags of the open volume.
+    /// Creates the voxelisation fields with the values by which the open volume was made from strands.
     pub fn of(document: &Document) -> Self {
         let StrandFlags { resolution, kernel, thickness } = document.spec.flags.strands;
         let text = |value: Option<String>| value.unwrap_or_default();
@@ -35,7 +35,7 @@ impl StrandsForm {
         }
     }
 
-    /// Shows the fields.
+    /// Shows the voxelisation fields of the strands section.
     pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model) {
         let (mut resolution, mut thickness) = (None, None);
         egui::Grid::new("strands").num_columns(2).show(ui, |ui| {
@@ -81,13 +81,13 @@ impl StrandsForm {
     }
 }
 
-/// Parses a field; `None` where it is empty.
+/// Parses the text of a voxelisation field; `None` if it is empty.
 fn typed<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Option<T>, String> {
     let text = text.trim();
     if text.is_empty() { Ok(None) } else { parse(text).map(Some) }
 }
 
-/// Shows a field, and its error below it; `None` where it is invalid.
+/// Shows a voxelisation field, with an error below it if its text is invalid. Returns `None` in that case.
 fn field<T>(
     ui: &mut egui::Ui,
     label: &str,

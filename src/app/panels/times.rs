@@ -1,23 +1,23 @@
-//! Times and memory of recent pictures: section of the side panel.
+//! Times section of the side panel: render times and memory of recent pictures.
 
 use crate::app::model::Model;
 use crate::engine::messages::Frame;
 use eframe::egui;
 use std::collections::VecDeque;
 
-/// Number of pictures in the plots.
+/// Number of recent pictures in the plots of the times section.
 const MAX_PICTURES: usize = 120;
-/// Width of the value column, points.
+/// Width of the column of values in the times section, screen points.
 const VALUE_WIDTH: f32 = 78.0;
 
-/// Formatter of a value.
+/// Function that formats a time, byte count or node count of the times section.
 type Text = fn(f64) -> String;
 
 fn milliseconds(ms: f64) -> String {
     format!("{ms:.1} ms")
 }
 
-/// Name, tooltip and formatter of each series.
+/// Name, tooltip and formatter of each plot in the times section of the side panel.
 const ROWS: [(&str, &str, Text); 7] = [
     ("tables", "Tables of the transfer function, host ms", milliseconds),
     ("bricks", "Classification of bricks, host ms", milliseconds),
@@ -28,7 +28,7 @@ const ROWS: [(&str, &str, Text); 7] = [
     ("nodes", "Nodes of the deep shadow map (both in a split view)", |n| format!("{n:.0}")),
 ];
 
-/// Shows a series as a row of a grid, with a sparkline.
+/// Shows one quantity of the times section as a grid row: name, last value and sparkline of recent pictures.
 fn show_series(ui: &mut egui::Ui, series: &VecDeque<f64>, name: &str, tooltip: &str, text: Text) {
     let last = series.back().map_or("–".to_owned(), |value| text(*value));
     ui.label(name).on_hover_text(tooltip);
@@ -55,16 +55,16 @@ fn show_series(ui: &mut egui::Ui, series: &VecDeque<f64>, name: &str, tooltip: &
     ui.end_row();
 }
 
-/// Series of the side panel, in the order of [`ROWS`].
+/// Times and memory of recent pictures. The order of the quantities is that of [`ROWS`].
 #[derive(Default)]
 pub struct Times {
     series: [VecDeque<f64>; ROWS.len()],
-    /// Whether the last picture rebuilt tables, bricks and map.
+    /// Whether the last picture recomputed the transfer-function tables, the brick classes and the shadow map.
     last_made: [bool; 3],
 }
 
 impl Times {
-    /// Records the costs of a picture.
+    /// Records the times and memory of a rendered picture for the plots of the side panel.
     pub fn note(&mut self, frame: &Frame) {
         let sides = || frame.sides();
         let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
@@ -86,7 +86,7 @@ impl Times {
         }
     }
 
-    /// Shows the series and the costs of the last picture.
+    /// Shows plots of the recorded times and memory, and the times of the last picture.
     pub fn show(&self, ui: &mut egui::Ui, model: &Model) {
         egui::Grid::new("times").num_columns(3).show(ui, |ui| {
             for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.series).enumerate() {

@@ -1,4 +1,4 @@
-//! Menu bar.
+//! Menu bar of the viewer window.
 
 use super::prompt::Purpose;
 use super::widgets::{file_name, unfilled};
@@ -9,10 +9,10 @@ use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
 use eframe::egui;
 
-/// Width above which recent volumes are elided, points.
+/// Width above which the path of a recent volume is shortened in the menu, screen points.
 const RECENT_WIDTH: f32 = 380.0;
 
-/// Shows the menu bar.
+/// Shows the menu bar of the viewer window.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     egui::Panel::top("menu").frame(unfilled(ui)).show(ui, |ui| {
         egui::MenuBar::new().ui(ui, |ui| {
@@ -36,7 +36,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     });
 }
 
-/// Shows theme and progress, from the right.
+/// Shows the theme button and the progress of background tasks at the right end of the menu bar.
 fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     let (now, other) = if model.settings.dark { ("dark", "light") } else { ("light", "dark") };
     let theme = ui.button(format!("Theme: {now}"));
@@ -59,7 +59,7 @@ fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     }
 }
 
-/// Entry of a menu; returns whether it was chosen.
+/// Shows one menu entry with its keyboard shortcut. Returns whether the user chose it.
 fn entry(ui: &mut egui::Ui, enabled: bool, text: &str, keys: &str, tooltip: &str) -> bool {
     let button = ui.add_enabled(enabled, egui::Button::new(text).shortcut_text(keys));
     let chosen = if tooltip.is_empty() { button } else { button.on_hover_text(tooltip) }.clicked();

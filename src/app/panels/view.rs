@@ -1,4 +1,4 @@
-//! View: the picture, its overlays and the messages below it.
+//! Central area of the viewer window: the rendered picture, its overlays and the messages below it.
 
 use super::difference::Difference;
 use super::slices::Slices;
@@ -12,12 +12,12 @@ use crate::engine::messages::MethodFrame;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
-/// Maximum size of a picture, pixels.
+/// Maximum width and height of a rendered picture, pixels.
 const MAX_PIXELS: u32 = 8192;
-/// Width of the reading progress, points.
+/// Width of the progress bar while a volume is read, screen points.
 const READING_WIDTH: f32 = 360.0;
 
-/// Shows the view in the remaining space, with the slices beside it.
+/// Shows the rendered picture in the remaining space of the window, with volume slices beside it.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
@@ -73,7 +73,7 @@ fn view(
     messages(ui, rect, model);
 }
 
-/// Paints the pictures, or heat maps in their place.
+/// Paints the pictures of one or two shadow methods, or their error heat maps.
 fn pictures(
     ui: &egui::Ui,
     rect: Rect,
@@ -108,7 +108,7 @@ fn pictures(
     painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
 }
 
-/// Paints the names of two methods; returns their lower edge.
+/// Paints the names of the two shadow methods over a split view. Returns the lower edge of the names.
 fn tags(ui: &egui::Ui, rect: Rect, model: &Model) -> f32 {
     let frame = model.frame.as_ref();
     if let Some(side) = model.flicker(ui.ctx()).and_then(|(side, _)| frame?.sides().nth(side)) {
@@ -128,7 +128,7 @@ fn tags(ui: &egui::Ui, rect: Rect, model: &Model) -> f32 {
     left.bottom().max(right.bottom())
 }
 
-/// Shows the progress of a reading.
+/// Shows the progress of a volume that is being read.
 fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
     let Some(reading) = &model.reading else { return };
     let progress = reading.loading.progress();

@@ -1,4 +1,4 @@
-//! Helpers of several panels.
+//! Helper widgets that several panels of the viewer use.
 
 use crate::app::theme;
 use crate::error::Error;
@@ -7,19 +7,20 @@ use eframe::egui::text::LayoutJob;
 use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, Rect, vec2};
 use glam::DVec3;
 
-/// Minimum width of a tag, points.
+/// Minimum width of a text label over the picture, screen points.
 const MIN_TAG_WIDTH: f32 = 40.0;
-/// Maximum lines of a tag.
+/// Maximum number of lines of a text label over the picture.
 const MAX_TAG_ROWS: usize = 3;
-/// Width below which a tag has one line and a legend is above the corners, points.
+/// Picture width below which its overlays use a compact layout: labels of one line, and the heat map legend above the
+/// corners. Points.
 pub const NARROW_VIEW: f32 = 480.0;
 
-/// Frame of a panel without fill: the window is cleared to that colour.
+/// Frame of a panel without background fill, since the window is already cleared to the panel colour.
 pub fn unfilled(ui: &egui::Ui) -> egui::Frame {
     egui::Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT)
 }
 
-/// Paints text on a dark plate, readable over any picture.
+/// Paints text on a dark background, so that it is readable over any picture.
 pub fn shadowed_text(painter: &Painter, at: Pos2, align: Align2, text: &str, size: f32, color: Color32) {
     if text.is_empty() {
         return;
@@ -30,8 +31,8 @@ pub fn shadowed_text(painter: &Painter, at: Pos2, align: Align2, text: &str, siz
     painter.galley(rect.min, galley, color);
 }
 
-/// Paints text on a dark plate of at most `width`; elided text is shown as a tooltip. Returns the rectangle, which is empty
-/// where no word fits.
+/// Paints a text label at most `width` points wide on a dark background. Shortened text is shown in full as a
+/// tooltip. Returns the label's rectangle, which is empty if there is no space for a word.
 pub fn tag(ui: &egui::Ui, clip: Rect, at: Pos2, align: Align2, text: &str, width: f32) -> Rect {
     if width < MIN_TAG_WIDTH {
         return Rect::from_min_size(at, egui::Vec2::ZERO);
@@ -51,12 +52,12 @@ pub fn tag(ui: &egui::Ui, clip: Rect, at: Pos2, align: Align2, text: &str, width
     rect.expand(4.0)
 }
 
-/// Shows an error beside its field.
+/// Shows an error beside the input field that caused it.
 pub fn error_label(ui: &mut egui::Ui, e: &Error) {
     ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
 }
 
-/// Shows a row of a grid: a name and its value.
+/// Adds a row with a property's name and value to a grid of a panel.
 pub fn property(ui: &mut egui::Ui, name: &str, value: String, tooltip: &str) {
     let label = ui.weak(name);
     if !tooltip.is_empty() {
@@ -66,22 +67,23 @@ pub fn property(ui: &mut egui::Ui, name: &str, value: String, tooltip: &str) {
     ui.end_row();
 }
 
-/// Method without its settings.
+/// Returns the name of a shadow method from its text with settings: `dsm` from `dsm:map=64`.
 pub fn method_name(spec: &str) -> &str {
     spec.split(':').next().unwrap_or(spec)
 }
 
-/// File name of a path or a source.
+/// Returns the file name of a path, or of the source of a volume.
 pub fn file_name(source: &str) -> &str {
     source.rsplit(['/', '\\']).next().unwrap_or(source)
 }
 
-/// Projects a world point into the view; `None` behind the eye and beside the view.
+/// Projects a world point onto the picture on screen. `None` if it is behind the camera or outside the picture.
 pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
     project_anywhere(camera, rect, point).filter(|p| rect.contains(*p))
 }
 
-/// Projects a world point; `None` behind the eye.
+/// Projects a world point onto the image plane on screen, also outside the picture. `None` if it is behind the
+/// camera.
 pub(super) fn project_anywhere(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
     let frame = camera.frame();
     let d = point - camera.eye;

@@ -1,4 +1,4 @@
-//! Windows over the view, opened from menus and by keys.
+//! Floating windows over the picture: path prompt, comparison and help.
 
 use super::comparison::{self, Comparison};
 use super::prompt::Prompt;
@@ -6,19 +6,21 @@ use super::{help, probe};
 use crate::app::model::Model;
 use eframe::egui::{self, Key, Modifiers};
 
-/// State of the windows.
+/// State of the floating windows over the picture: path prompt, comparison and help.
 #[derive(Default)]
 pub struct Windows {
     pub prompt: Prompt,
     pub comparison: Comparison,
-    /// The list of keys is open.
+    /// Whether the help window with keyboard shortcuts is open.
     pub help: bool,
-    /// A text field had the focus in the last frame: egui removes the focus before it reports Escape.
+    /// Whether a text field had the keyboard focus in the last frame. egui removes the focus before it reports
+    /// Escape.
     pub typing: bool,
 }
 
 impl Windows {
-    /// Closes the topmost window on Escape. Prompts, open lists and text fields take the key themselves.
+    /// Closes the topmost floating window on Escape. Path prompts, open lists and text fields handle Escape
+    /// themselves.
     pub fn close_topmost(&mut self, context: &egui::Context, model: &mut Model) {
         if self.typing || self.prompt.is_open() || egui::Popup::is_any_open(context) {
             return;

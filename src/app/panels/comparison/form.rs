@@ -1,4 +1,4 @@
-//! Settings of a comparison: methods, effort, picture size and folder.
+//! Form with the settings of a method comparison: shadow methods, sample counts, picture size and output folder.
 
 use crate::app::panels::browse::Browse;
 use crate::app::panels::widgets::error_label;
@@ -9,10 +9,10 @@ use crate::shadow::{COMPARED, Entry, METHODS, Method, parse_list};
 use eframe::egui;
 use std::path::{Path, PathBuf};
 
-/// Width of the labels, points.
+/// Width of the column of labels in the comparison form, screen points.
 const LABEL_WIDTH: f32 = 140.0;
 
-/// Method of the registry with its settings as `--methods` takes them.
+/// Shadow method in the comparison form, with its settings in the syntax of `--methods`.
 pub struct MethodRows {
     entry: &'static Entry,
     pub selected: bool,
@@ -20,7 +20,8 @@ pub struct MethodRows {
 }
 
 impl MethodRows {
-    /// Default rows of `compare`; a method without any is not selected.
+    /// Creates the form entry of a shadow method, with the default settings of `umbravox compare`. Methods outside
+    /// that default are not selected.
     fn new(entry: &'static Entry) -> Self {
         let is_entry = |spec: &&str| spec.split(':').next().is_some_and(|name| name.trim() == entry.name);
         let default = COMPARED.split(';').find(is_entry);
@@ -39,14 +40,14 @@ impl MethodRows {
     }
 }
 
-/// Settings of a comparison.
+/// Form with the settings of a method comparison, as the user edits them.
 pub struct Form {
     pub families: Vec<MethodRows>,
     pub effort: Effort,
-    /// Width and height, pixels.
+    /// Width and height of the compared pictures, pixels.
     pub size: [u32; 2],
     pub folder: String,
-    /// Resume from the folder's journal.
+    /// Whether the comparison resumes from the journal in its output folder.
     pub resume: bool,
     pub folder_error: Option<Error>,
     browse: Browse,
@@ -67,7 +68,7 @@ impl Default for Form {
 }
 
 impl Form {
-    /// Selected methods, one per row of the table.
+    /// Shadow methods selected in the comparison form. Each becomes one row of the comparison table.
     ///
     /// # Errors
     /// Invalid settings, or no method.
@@ -81,7 +82,7 @@ impl Form {
         }
     }
 
-    /// Output folder.
+    /// Output folder of the comparison, from the form.
     ///
     /// # Errors
     /// No name, or the name of a file.
@@ -94,7 +95,7 @@ impl Form {
         Ok(folder.into())
     }
 
-    /// Shows the fields; `view_size` is the size of the view, pixels.
+    /// Shows the comparison form. `view_size` is the size of the picture in the window, pixels.
     pub fn show(&mut self, ui: &mut egui::Ui, view_size: Option<[u32; 2]>) {
         let field = (ui.available_width() - LABEL_WIDTH).clamp(120.0, 430.0);
         egui::Grid::new("families").num_columns(2).show(ui, |ui| {

@@ -1,4 +1,5 @@
-//! `File > Compare methods…`: the table of `umbravox compare` for the current document, made in the background.
+//! Comparison window (`File > Compare methods…`): measures the table of `umbravox compare` for the open document, in
+//! the background.
 //!
 //! Volume, transfer function and scene are copied at the start; later edits do not change the table.
 
@@ -26,52 +27,53 @@ use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 use task::{CurrentStep, FinishedTable, REMARK, TableRequest, Update};
 
-/// Title of the window.
+/// Title of the window that compares shadow methods.
 pub const TITLE: &str = "Comparison";
 
-/// Maximum time that closing the window waits for the current step.
+/// Maximum time that closing the window waits for the running measurement step of a comparison.
 const LAST_STEP: Duration = Duration::from_secs(3);
-/// Interval between two looks at the progress. Each is a frame of the interface, which disturbs the timing.
+/// Interval between two updates of the comparison's progress. Each update draws a frame of the user interface, which
+/// disturbs timings.
 const REFRESH: Duration = Duration::from_millis(300);
 const REFRESH_WHILE_TIMING: Duration = Duration::from_millis(1000);
 
-/// Opens a file in another program.
+/// Function that opens a file in another program, such as the comparison report in a web browser.
 pub type Opener = fn(&Path) -> std::io::Result<()>;
 
-/// Window of the comparison and its background task.
+/// Comparison window: measures several shadow methods on the open document in a background task.
 #[derive(Default)]
 pub struct Comparison {
     pub open: bool,
     form: Form,
-    /// Collapse the form in the next frame, to make space for rows.
+    /// Whether the comparison form collapses in the next frame, to make space for the table of results.
     collapse: bool,
     running: Option<(Task<Update>, Option<CurrentStep>)>,
     outcome: Option<Result<Box<FinishedTable>>>,
     results: Results,
-    /// Opener of the report; `None`: the system's.
+    /// Function that opens the comparison report. `None` uses the system's default program.
     pub opener: Option<Opener>,
     open_error: Option<Error>,
 }
 
 impl Drop for Comparison {
-    /// Waits for the current step, which uses the device.
+    /// Cancels a running comparison and waits for its current step, which uses the graphics device.
     fn drop(&mut self) {
         self.running.iter().for_each(|(task, _)| task.end_within(LAST_STEP));
     }
 }
 
 impl Comparison {
-    /// Fraction that is done; `None` while nothing runs.
+    /// Completed fraction of the running comparison, 0 to 1; `None` while no comparison runs.
     pub fn share(&self) -> Option<f32> {
         self.running.as_ref().map(|(_, step)| step.as_ref().map_or(0.0, |step| step.share))
     }
 
-    /// Rows in the table's order.
+    /// Rows of the comparison table measured so far, unsorted.
     pub fn rows(&self) -> Vec<Row> {
         self.results.rows().cloned().collect()
     }
 
-    /// Result of the last comparison; `None` while one runs, or before the first.
+    /// Result of the last comparison of shadow methods; `None` while one runs, or before the first.
     pub fn outcome(&self) -> Option<Result<(), &Error>> {
         self.outcome.as_ref().map(|outcome| outcome.as_ref().map(|_| ()))
     }
@@ -110,7 +112,7 @@ impl Comparison {
         }
     }
 
-    /// Takes the task's messages.
+    /// Handles the progress, rows and result that the background comparison has sent.
     pub fn take_updates(&mut self, model: &mut Model, context: &egui::Context) {
         let Some((task, step)) = &mut self.running else { return };
         let (mut ended, rows) = (None, self.results.rows().len());
@@ -147,7 +149,7 @@ impl Comparison {
         self.outcome = Some(outcome);
     }
 
-    /// Shows the window while it is open.
+    /// Shows the comparison window if it is open.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         if !self.open {
             return;
@@ -194,7 +196,7 @@ impl Comparison {
         }
     }
 
-    /// Shows Start, or the progress and Cancel.
+    /// Shows the Start button of the comparison, or its progress and the Cancel button.
     fn buttons(&mut self, ui: &mut egui::Ui, model: &Model) {
         if let Some((task, step)) = &self.running {
             let cancel = ui.add_enabled(!task.is_cancelled(), egui::Button::new("Cancel comparison"));

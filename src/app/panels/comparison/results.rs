@@ -1,4 +1,4 @@
-//! Sortable table of a comparison's rows.
+//! Sortable table of results in the comparison window, one row per shadow method.
 
 use crate::measure::table::{COLUMNS, Row};
 use crate::measure::timing::clock_name;
@@ -8,7 +8,7 @@ use eframe::egui::{self, RichText};
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
 
-/// Columns of `compare.csv` that the window shows.
+/// Columns of `compare.csv` that the comparison window shows.
 const SHOWN: [&str; 13] = [
     "method",
     "params",
@@ -24,12 +24,12 @@ const SHOWN: [&str; 13] = [
     "bound_held",
     "pareto",
 ];
-/// Height above which the table scrolls, points.
+/// Height above which the comparison table in the window scrolls, screen points.
 const TABLE_HEIGHT: f32 = 380.0;
-/// Width of the arrow in a heading, points.
+/// Width of the sort arrow in a column heading of the comparison table, screen points.
 const ARROW_WIDTH: f32 = 12.0;
 
-/// Text of a cell for reading.
+/// Formats a cell of `compare.csv` for display: numbers with three significant digits.
 fn shown(cell: &str) -> String {
     match cell.parse::<f64>() {
         // Counts have no decimal places.
@@ -39,7 +39,7 @@ fn shown(cell: &str) -> String {
     }
 }
 
-/// Order of two cells; empty ones are last in both directions.
+/// Sort order of two cells in a column of the comparison table. Empty cells are last in both directions.
 fn order(a: &str, b: &str, descending: bool) -> Ordering {
     if a.is_empty() || b.is_empty() {
         return a.is_empty().cmp(&b.is_empty());
@@ -51,23 +51,24 @@ fn order(a: &str, b: &str, descending: bool) -> Ordering {
     if descending { order.reverse() } else { order }
 }
 
-/// Row with its cells.
+/// Row of the comparison table, with the texts of its cells.
 struct TableRow {
     row: Row,
-    /// Texts of the columns, as in `compare.csv`.
+    /// Texts of the displayed cells of this row, as in `compare.csv`.
     cells: Vec<String>,
 }
 
-/// Rows of a table, finished or not.
+/// Table of a finished or running comparison, with the sort order that the user chose.
 #[derive(Default)]
 pub struct Results {
     rows: Vec<TableRow>,
-    /// Column, and whether the order is descending.
+    /// Column by which the comparison table is sorted, and whether in descending order; `None` for the order of
+    /// measurement.
     sort: Option<(usize, bool)>,
 }
 
 impl Results {
-    /// Puts a row at its index in the table.
+    /// Stores a row of the comparison table at its index, or appends it.
     pub fn put(&mut self, place: usize, row: Row) {
         let texts = row.texts();
         let cells = SHOWN.map(|name| texts.get(name).cloned().unwrap_or_default()).to_vec();
@@ -78,18 +79,19 @@ impl Results {
         }
     }
 
-    /// Replaces all rows.
+    /// Replaces all rows of the comparison table.
     pub fn replace(&mut self, rows: Vec<Row>) {
         self.rows.clear();
         rows.into_iter().enumerate().for_each(|(place, row)| self.put(place, row));
     }
 
-    /// Rows in the table's order.
+    /// Rows of the comparison table, unsorted.
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &Row> {
         self.rows.iter().map(|line| &line.row)
     }
 
-    /// Shows the table; `current` is the method in the view. Returns the method of a clicked row, and whether Shift was pressed.
+    /// Shows the comparison table and highlights the row of `current`, the shadow method of the picture. Returns the
+    /// method of a clicked row, and whether Shift was pressed.
     pub fn show(&mut self, ui: &mut egui::Ui, current: &MethodSpec) -> Option<(MethodSpec, bool)> {
         let mut picked = None;
         if let Some(TableRow { row, .. }) = self.rows.first() {
@@ -155,12 +157,12 @@ impl Results {
         picked
     }
 
-    /// Whether a column has numbers.
+    /// Whether a column of the comparison table contains numbers.
     fn is_number(&self, column: usize) -> bool {
         self.rows.iter().any(|row| row.cells[column].parse::<f64>().is_ok())
     }
 
-    /// Shows a heading; clicks sort in ascending, descending and the table's order.
+    /// Shows a column heading of the comparison table. Clicks cycle between ascending, descending and original order.
     fn heading(&mut self, ui: &mut egui::Ui, i: usize) {
         let (arrow, next) = match self.sort {
             Some((sorted, false)) if sorted == i => ("↑", Some((i, true))),
@@ -183,7 +185,7 @@ impl Results {
     }
 }
 
-/// Aligns numbers to the right.
+/// Lays out the contents of a table cell: right-aligned for numbers (`right`), left-aligned for text.
 fn aligned(ui: &mut egui::Ui, right: bool, contents: impl FnOnce(&mut egui::Ui)) {
     match right {
         true => _ = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), contents),

@@ -1,4 +1,4 @@
-//! Comparison on its own thread and device.
+//! Background task of the comparison window: measures shadow methods on a separate thread and graphics device.
 
 use crate::engine::task::{Task, Wake};
 use crate::error::Result;
@@ -22,27 +22,28 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-/// Note of every row.
+/// Note added to every row of a comparison table that was measured while the viewer window was open.
 pub const REMARK: &str = "timed while the window was open, which draws with the same processor";
-/// File of the transfer function in the output folder.
+/// Name of the file with the transfer function in the comparison's output folder.
 const TRANSFER_FUNCTION: &str = "transfer_function.json";
 
-/// Inputs of a comparison, copied at its start.
+/// Inputs of a comparison of shadow methods, copied when the comparison starts.
 pub struct TableRequest {
-    /// Whole name of the adapter.
+    /// Full name of the graphics adapter on which the comparison runs.
     pub adapter: String,
-    /// Volume, function and scene, with the picture size of the table.
+    /// Volume, transfer function and scene to compare shadow methods on. The scene has the picture size of the
+    /// comparison.
     pub subject: Subject,
-    /// Settings of a scene file, without the transfer function.
+    /// Settings of the compared scene, in the form of a scene file without the transfer function.
     pub settings: SceneSettings,
     pub methods: Vec<Box<dyn Method>>,
     pub effort: Effort,
     pub folder: PathBuf,
-    /// Resume from the journal in the folder.
+    /// Whether the comparison resumes from the journal in its output folder.
     pub resume: bool,
 }
 
-/// Finished table.
+/// Finished comparison: the rows of its table, notes, and the files that were written.
 #[derive(Debug, Clone)]
 pub struct FinishedTable {
     pub rows: Vec<Row>,
@@ -50,25 +51,25 @@ pub struct FinishedTable {
     pub files: Files,
 }
 
-/// Step that is running.
+/// Measurement step of a comparison that is running now, with the progress of the whole comparison.
 pub struct CurrentStep {
     pub kind: StepKind,
     pub what: String,
-    /// Fraction of the comparison that is done.
+    /// Completed fraction of the comparison, 0 to 1.
     pub share: f32,
-    /// Estimated remaining time, s.
+    /// Estimated remaining time of the comparison, s; `None` while unknown.
     pub left_s: Option<f64>,
 }
 
-/// Message from the thread.
+/// Message from the background thread of a comparison to the window.
 pub enum Update {
     Step(CurrentStep),
-    /// Finished row, with its index in the table.
+    /// Finished row of the comparison table, with its index in the table.
     Row(usize, Box<Row>),
     Ended(Result<Box<FinishedTable>>),
 }
 
-/// Starts a comparison.
+/// Starts a comparison of shadow methods on a background thread.
 ///
 /// # Errors
 /// The system cannot start a thread.
@@ -79,7 +80,8 @@ pub fn start(request: TableRequest, wake: Wake) -> Result<Task<Update>> {
     })
 }
 
-/// Forwards progress. It does not wake the window, which would disturb the timing.
+/// Forwards the progress of a comparison to the window. It does not wake the window, because drawing would disturb
+/// the timings.
 struct Watcher {
     sender: Sender<Update>,
     cancel: Arc<AtomicBool>,

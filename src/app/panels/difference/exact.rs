@@ -1,4 +1,4 @@
-//! Exact picture on its own thread, coarse first.
+//! Computes the exact reference picture for the heat map on a separate thread, from coarse to fine resolution.
 
 use crate::engine::task::{Task, Wake};
 use crate::error::{Error, Result};
@@ -11,12 +11,13 @@ use crate::volume::Volume;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// Successive pixel sizes of the light's heat map, view pixels.
+/// Pixel sizes of the successive refinements of the transmittance heat map, in pixels of the window's picture.
 const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
-/// Successive pixel sizes of the picture's heat map, which takes a hundred times as long.
+/// Pixel sizes of the successive refinements of the colour heat map, in pixels of the window's picture. A colour heat
+/// map takes about a hundred times as long as a transmittance heat map.
 const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
 
-/// Inputs of the exact picture.
+/// Inputs of the exact reference picture: transfer function, scene, and the quantity to compute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Question {
     pub tf: Arc<TransferFunction>,
@@ -24,7 +25,7 @@ pub struct Question {
     pub quantity: Quantity,
 }
 
-/// Starts the computation of successive resolutions.
+/// Starts the computation of the exact reference picture at successively finer resolutions, on a background thread.
 ///
 /// # Errors
 /// The system cannot start a thread.
@@ -42,7 +43,7 @@ pub fn start(
     let each = Arc::clone(&wake);
     Task::start("exact", wake, move |sender, cancelled| {
         let strands = strands.filter(|_| what.scene.shading.is_of_strands());
-        // Without the memory for directions the picture itself could not be drawn.
+        // Without memory for the strand directions, the picture itself could not be rendered either.
         let directions = strands.and_then(|strands| strands.directions().ok());
         let field = ExactField::new(&volume, &what.tf).with_directions(directions);
         let divisors: &[f64] = match what.quantity {

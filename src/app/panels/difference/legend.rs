@@ -1,4 +1,4 @@
-//! Legend of the heat maps: scale and error statistics.
+//! Legend of the error heat maps: colour scale and error statistics of each shadow method.
 
 use super::Difference;
 use crate::app::model::Model;
@@ -10,15 +10,15 @@ use crate::report::heat::inferno;
 use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use std::sync::Arc;
 
-/// Space between lines, points.
+/// Vertical space between the text lines of the heat map legend, screen points.
 const LINE_GAP: f32 = 2.0;
-/// Width taken by the corners of the view, points.
+/// Width reserved at each lower corner of the picture for other overlays than the heat map legend, screen points.
 const CORNERS: f32 = 104.0;
-/// Height taken by the corners of the view, points.
+/// Height reserved at the lower corners of a narrow picture. The heat map legend is above it, screen points.
 const ABOVE_CORNERS: f32 = 86.0;
 
-/// Paints the legend and the error under the pointer.
-// Long: one legend from top to bottom: each element is placed below the one before.
+/// Paints the legend of the error heat maps, and the error at the pixel under the pointer.
+// This function is long because each element of the legend is placed below the one before.
 pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) {
     let painter = ui.painter_at(rect);
     let Some(quantity) = difference.shows else { return };
@@ -94,7 +94,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
     if let Some((at, error)) = under_pointer(found, model, ui, rect) {
         let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
-        // On the side with more space.
+        // Places the text on the side with more space.
         let (dx, right) = if at.x > rect.right() - 90.0 { (-12.0, 1) } else { (14.0, 0) };
         let (dy, low) = if at.y > rect.bottom() - 40.0 { (-10.0, 1) } else { (12.0, 0) };
         let align =

@@ -1,5 +1,5 @@
-//! Heat map of the methods' errors over the view. A thread computes the exact picture, coarse first, and the render thread
-//! compares the methods with it.
+//! Heat maps that show the error of each shadow method in place of the picture. A background thread computes the
+//! exact reference picture, coarse first, and the render thread compares each method with it.
 
 mod exact;
 pub mod legend;
@@ -13,47 +13,50 @@ use exact::Question;
 use std::sync::Arc;
 use std::sync::mpsc::TryRecvError;
 
-/// State of the heat map.
+/// State of the error heat maps in the viewer: what they show, the exact reference picture, and the comparison
+/// results.
 #[derive(Default)]
 pub struct Difference {
-    /// Quantity shown in place of the picture.
+    /// Quantity whose error the heat maps show: transmittance of the light, or picture colour. `None` shows the
+    /// picture instead.
     pub shows: Option<Quantity>,
-    /// Logarithmic colour scale.
+    /// Whether the colour scale of the error heat maps is logarithmic.
     pub logarithmic: bool,
-    /// Inputs of the exact picture.
+    /// Inputs of the exact reference picture that was started last.
     question: Option<Question>,
     computing: Option<Task<ExactView>>,
-    /// Finest exact picture so far.
+    /// Exact picture of the finest resolution computed so far.
     view: Option<Arc<ExactView>>,
-    /// Last request to compare.
+    /// Last request to compare the shadow methods with the exact reference picture.
     requested: Option<Arc<DifferenceRequest>>,
     pub found: Option<Differences>,
 }
 
 impl Difference {
-    /// The settings, without results.
+    /// Copy of the heat map state with the user's choices, but without results.
     pub fn only_choices(&self) -> Self {
         Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() }
     }
 
-    /// Whether the finest result is shown.
+    /// Whether the error heat maps are off, or show their finest resolution.
     pub fn is_done(&self) -> bool {
         self.shows.is_none() || (self.computing.is_none() && self.is_compared())
     }
 
-    /// Whether the last request was answered.
+    /// Whether the heat maps for the last comparison request have arrived.
     fn is_compared(&self) -> bool {
         self.found.as_ref().is_some_and(|found| self.is_last(&found.request))
     }
 
-    /// Restarts the exact picture after a change, when the picture is final.
+    /// Restarts the computation of the exact reference picture after a change, once the rendered picture has full
+    /// quality.
     pub fn follow(&mut self, model: &mut Model) {
         let (Some(quantity), Some(document)) = (self.shows, &model.document) else {
             *self = self.only_choices();
             return;
         };
         let scene = match quantity {
-            // Transmittance is of the edited light, whatever its colour.
+            // The transmittance error is that of the edited light, independent of the light's colour.
             Quantity::Light => document.scene.under(document.light().light.into()),
             Quantity::Picture => document.scene.clone(),
         };
@@ -86,7 +89,8 @@ impl Difference {
         self.compare(model);
     }
 
-    /// Requests a comparison with the finest exact picture, unless it was requested last.
+    /// Requests a comparison of the shadow methods with the finest exact reference picture, unless it was the last
+    /// request.
     fn compare(&mut self, model: &Model) {
         let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.requested) else {
             return;
@@ -106,33 +110,33 @@ impl Difference {
         model.thread.push(Job::Difference(request));
     }
 
-    /// Whether it is the last request.
+    /// Whether `request` is the last comparison request of the heat maps.
     fn is_last(&self, request: &Arc<DifferenceRequest>) -> bool {
         self.requested.as_ref().is_some_and(|requested| Arc::ptr_eq(requested, request))
     }
 
-    /// Takes heat maps of the last request.
+    /// Stores heat maps from the render thread if they answer the last comparison request.
     pub fn take(&mut self, found: Differences) {
         if self.is_last(&found.request) {
             self.found = Some(found);
         }
     }
 
-    /// Repeats an interrupted request, unless there is a newer one.
+    /// Repeats a comparison request of the heat maps that was interrupted, unless there is a newer request.
     pub fn request_again(&mut self, request: &Arc<DifferenceRequest>) {
         if self.is_last(request) {
             self.requested = None;
         }
     }
 
-    /// Turns the heat map off after a failure.
+    /// Turns the error heat maps off after their comparison failed.
     pub fn fail(&mut self) {
         if self.requested.is_some() && !self.is_compared() {
             self.shows = None;
         }
     }
 
-    /// Shows the choice of the quantity.
+    /// Shows the buttons that select which error the heat maps show.
     pub fn choice(&mut self, ui: &mut egui::Ui) {
         ui.horizontal(|ui| {
             ui.label("Error");
@@ -160,7 +164,7 @@ impl Difference {
         });
     }
 
-    /// Turns to the next quantity: off, light, picture, off.
+    /// Switches the error heat maps to the next quantity: off, light, picture, off.
     pub fn show_next(&mut self) {
         self.shows = match self.shows {
             None => Some(Quantity::Light),

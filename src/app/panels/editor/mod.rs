@@ -1,4 +1,4 @@
-//! Transfer-function editor: histogram, opacity curve, points and colour bar.
+//! Transfer-function editor: histogram, opacity curve, control points and colour bar.
 
 mod paint;
 mod plot;
@@ -15,14 +15,14 @@ use eframe::egui_wgpu::RenderState;
 use paint::short;
 use std::sync::Arc;
 
-/// Width below which the point's values take two lines, points.
+/// Width of the editor below which the fields of the selected control point take two lines, screen points.
 const POINT_ROW_WIDTH: f32 = 500.0;
 
-/// Minimum height of the panel and of the view above, points.
+/// Minimum height of the transfer-function editor, and of the picture above it, screen points.
 const MIN_HEIGHT: f32 = 170.0;
 const MIN_VIEW_HEIGHT: f32 = 120.0;
 
-/// Shows the panel while a volume is open.
+/// Shows the transfer-function editor while a volume is open.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
@@ -33,7 +33,7 @@ pub fn show(
     if model.document.is_none() {
         return;
     }
-    // A low window leaves half of its height to the view.
+    // In a low window, the picture takes half of the height.
     let most = (0.5 * ui.available_height()).max(MIN_HEIGHT);
     egui::Panel::bottom("editor")
         .frame(unfilled(ui))
@@ -100,7 +100,7 @@ fn tools(
     });
 }
 
-/// Shows the opacity scale relative to the loaded function.
+/// Shows a field for the opacity scale of the transfer function, relative to the function as loaded.
 fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &model.document else { return };
     // The scale changes the reference length, which only opacities have.
@@ -121,7 +121,7 @@ fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
     ui.separator();
 }
 
-/// Shows the values of the selected point.
+/// Shows fields for the value, opacity and colour of the control point selected in the transfer-function editor.
 fn point_row(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let tf = Arc::clone(&document.tf);

@@ -1,4 +1,4 @@
-//! Painting of the transfer-function editor: histogram, axes, curve and colour bar.
+//! Painting of the transfer-function editor: histogram, axes, opacity curve and colour bar.
 
 use crate::app::curve::AmountAxis;
 use crate::app::settings::Settings;
@@ -7,7 +7,7 @@ use crate::transfer::TransferFunction;
 use crate::volume::Histogram;
 use eframe::egui::{self, Color32, FontId, Mesh, Pos2, Rect, Stroke, pos2};
 
-/// Mapping between values and pixels.
+/// Mapping of the transfer-function editor between scalar values and opacities, and positions on screen.
 pub(super) struct Map {
     pub rect: Rect,
     pub range: [f64; 2],
@@ -50,7 +50,7 @@ pub(super) fn short(x: f64) -> String {
     }
 }
 
-/// Adds the histogram's bars to one mesh: separate shapes are much slower.
+/// Adds the histogram bars of the transfer-function editor to one mesh, because separate shapes are much slower.
 pub(super) fn add_histogram(
     mesh: &mut Mesh,
     map: &Map,
@@ -131,7 +131,8 @@ pub(super) fn paint_axes(
     }
 }
 
-/// Paints the curve; it is linear in the amount on either axis.
+/// Paints the transfer function as a curve. Between control points, opacity is linear in the scalar value, also on a
+/// logarithmic axis.
 pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunction, color: Color32) {
     let mut line: Vec<Pos2> = Vec::new();
     let mut push = |value: f64, amount: f64| line.push(pos2(map.x(value), map.y(amount)));
@@ -157,7 +158,7 @@ pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunct
     painter.line(line, Stroke::new(1.8, color));
 }
 
-/// Adds the colour bar, in columns of two points.
+/// Adds the colour bar of the transfer function to a mesh, in columns two screen points wide.
 pub(super) fn add_bar(mesh: &mut Mesh, bar: Rect, map: &Map, tf: &TransferFunction) {
     let steps = (bar.width() / 2.0).ceil() as usize;
     for i in 0..steps {

@@ -1,4 +1,4 @@
-//! Curve over the histogram and its input.
+//! Plot of the transfer-function editor: opacity curve over the histogram, and its pointer input.
 
 use super::paint::{Map, add_bar, add_histogram, paint_axes, paint_curve, short};
 use crate::app::curve::{Edit, top_of};
@@ -13,7 +13,8 @@ use std::sync::Arc;
 const BAR_HEIGHT: f32 = 16.0;
 const GRIP: f32 = 6.0;
 
-/// Shows the curve, its points and the colour bar in the remaining space.
+/// Shows the plot of the transfer-function editor in the remaining space: opacity curve, control points and colour
+/// bar.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &model.document else { return };
     let tf = Arc::clone(&document.tf);
@@ -48,7 +49,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     edits.into_iter().for_each(|edit| model.edit(edit));
 }
 
-/// Paints everything but the points; `whole` includes the axis labels.
+/// Paints the transfer-function plot without its control points. `whole` is the rectangle with the axis labels.
 fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     let Some(document) = &model.document else { return };
     let (rect, tf) = (map.rect, &document.tf);
@@ -69,7 +70,7 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     if let Some(value) = model.probe.as_ref().map(|probe| probe.value) {
         let (x, color) = (map.x(value), colors.probe);
         inside.vline(x, rect.y_range(), Stroke::new(1.0, color));
-        // On the side with more space.
+        // Places the text on the side with more space.
         let (dx, align) =
             if x > rect.right() - 90.0 { (-4.0, Align2::RIGHT_TOP) } else { (4.0, Align2::LEFT_TOP) };
         let font = FontId::proportional(11.0);
@@ -77,7 +78,8 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     }
 }
 
-/// Shows the points and collects their edits; returns whether the pointer is on one.
+/// Shows the control points of the transfer function and collects the user's edits. Returns whether the pointer is on
+/// a control point.
 fn points(
     ui: &egui::Ui,
     painter: &egui::Painter,
@@ -135,7 +137,7 @@ fn points(
     over_point
 }
 
-/// Handles input beside the points: add a point, window and level, or deselect.
+/// Handles pointer input beside the control points: add a point, window and level, or deselect.
 fn beside_points(
     response: &egui::Response,
     map: &Map,
@@ -158,7 +160,7 @@ fn beside_points(
     }
 }
 
-/// Zooms the values with the wheel and pans them with the right button.
+/// Zooms the value axis of the transfer-function editor with the wheel, and pans it with the right button.
 fn zoom_values(ui: &egui::Ui, response: &egui::Response, map: &Map, document: &mut Document) {
     let [lo, hi] = map.range;
     let mut range = map.range;
@@ -181,23 +183,24 @@ fn zoom_values(ui: &egui::Ui, response: &egui::Response, map: &Map, document: &m
     }
 }
 
-/// Range with a margin.
+/// Adds a margin to the value range that the transfer-function editor shows.
 fn padded([lo, hi]: [f64; 2]) -> [f64; 2] {
     let margin = if hi > lo { 0.02 * (hi - lo) } else { 0.5 * lo.abs().max(1.0) };
     [lo - margin, hi + margin]
 }
 
-/// Distance by which the selected point is preferred to others, points of the screen.
+/// Distance on screen by which the selected control point is preferred to others under the pointer, screen points.
 const SELECTION_BONUS: f32 = 6.0;
 
-/// Drawing order of the points: the last one is on top and takes the pointer. It is the nearest one, or the selected one.
+/// Drawing order of the control points. The last one is on top and takes the pointer: the nearest, or the selected
+/// one.
 fn point_order(places: &[egui::Pos2], pointer: Option<egui::Pos2>, selected: Option<usize>) -> Vec<usize> {
     let far = |i: usize| {
         let distance = pointer.map_or(0.0, |pointer| pointer.distance(places[i]));
         if selected == Some(i) { distance - SELECTION_BONUS } else { distance }
     };
     let mut order: Vec<usize> = (0..places.len()).collect();
-    // Stable: of points at one place the later is on top.
+    // The sort is stable: of control points at one position, the later one is on top.
     order.sort_by(|a, b| far(*b).total_cmp(&far(*a)));
     order
 }
