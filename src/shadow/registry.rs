@@ -273,6 +273,8 @@ mod tests {
         assert_ne!(specs[0], specs[0].clone().with("map", "64").unwrap());
         assert_eq!(specs[0].clone().with("map", "0"), None);
         assert_eq!(specs[0].clone().with("maps", "64"), None);
+        let params = |text: &str| text.parse::<MethodSpec>().unwrap().method().unwrap().params();
+        assert_eq!(params("bom:split=growing,log_size=2"), params("bom:split=growing"), "no effect");
     }
 
     #[test]

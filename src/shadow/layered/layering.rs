@@ -48,7 +48,7 @@ pub const LOG_SIZE_KEY: Key = Key::number(
     "256",
     "logarithms go over the interval from 1 to this (all splits but linear and growing)",
 )
-.when(When::Unless("split", "linear"));
+.when(When::UnlessEither([("split", "linear"), ("split", "growing")]));
 
 pub const MEASURE_KEY: Key = Key::choice(
     Measure::NAMES,
