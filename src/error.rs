@@ -1,13 +1,13 @@
-//! Error type of the crate: states the failed action, the place, the reason and a hint.
+//! Error type of the crate: states the failed action, the file or setting concerned, the reason and a hint.
 
 /// Kind of a failure, which decides the exit status of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// Failure caused by an input file or the command line (exit status 2).
     Input,
-    /// Failure while the program runs: device lost, disk full (exit status 1).
+    /// Failure while the program runs, such as a lost graphics device or a full disk (exit status 1).
     Runtime,
-    /// Cancellation by the user (exit status 1).
+    /// Cancellation of an operation by the user (exit status 1).
     Cancelled,
 }
 
@@ -17,7 +17,7 @@ pub enum Fault {
 pub struct Error {
     /// Kind of the failure: input, runtime or cancellation.
     pub fault: Fault,
-    /// Action that failed, as the error message names it, e.g. `cannot read volume`.
+    /// Action that failed, as the error message states it, e.g. `cannot read volume`.
     pub what: String,
     /// File, command-line flag or setting to which the error refers.
     pub place: String,
@@ -41,7 +41,7 @@ impl Error {
         Self::new(Fault::Runtime, what, place, why)
     }
 
-    /// Creates the error of work that the user cancelled; `place` names the cancelled step.
+    /// Creates the error of an operation that the user cancelled; `place` names the cancelled step.
     pub fn cancelled(place: impl ToString) -> Self {
         Self::new(Fault::Cancelled, "cancelled", place, "it was ended on request")
     }
@@ -68,7 +68,7 @@ impl Error {
         self
     }
 
-    /// Prefixes the place of an error with the flag or file that contains it: `--methods: PLACE`.
+    /// Prefixes the location in an error message with the flag or file that contains it: `--methods: LOCATION`.
     #[must_use]
     pub fn at(mut self, outer: impl std::fmt::Display) -> Self {
         self.place =

@@ -97,7 +97,7 @@ impl Camera {
     }
 }
 
-/// Directional or point light, without colour; world millimetres.
+/// Position of a point light or direction of a directional light, without colour. Lengths are world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
     /// Directional light, infinitely far away.
@@ -133,7 +133,7 @@ impl Light {
         }
     }
 
-    /// Formats position or direction of a light in the syntax of `--light`, with four decimals.
+    /// Formats the position or direction of a light source in the syntax of `--light`, with four decimals.
     pub fn text(&self) -> String {
         let (kind, v) = self.kind();
         // Further digits of a normalised direction carry no information.
@@ -151,7 +151,7 @@ impl Default for Light {
 /// Light source: position or direction, colour and intensity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightSource {
-    /// Position or direction of the light source, without colour.
+    /// Position (point light) or direction (directional light) of the light source, without colour.
     pub light: Light,
     /// Colour of the light source, linear RGB in `[0, 1]`.
     pub color: [f64; 3],
@@ -168,7 +168,7 @@ impl LightSource {
         self.color.map(|c| c * self.intensity)
     }
 
-    /// Returns whether the light source is not black.
+    /// Returns whether the light source emits light: colour and intensity are not 0.
     pub fn shines(&self) -> bool {
         self.radiance().iter().any(|c| *c > 0.0)
     }
@@ -178,7 +178,8 @@ impl LightSource {
         self.light.text() + &self.factors()
     }
 
-    /// Colour and intensity in the syntax of `--light`, each after a comma and only if different from the default.
+    /// Formats colour and intensity of a light source in the syntax of `--light`: each after a comma, and only if it
+    /// differs from the default.
     fn factors(&self) -> String {
         let color = (self.color != Self::WHITE).then(|| format!(",color={}", color::to_hex(self.color)));
         let intensity = (self.intensity != 1.0).then(|| format!(",intensity={}", self.intensity));
@@ -209,7 +210,7 @@ impl Serialize for LightSource {
 }
 
 /// Shading model for the light that reaches a point: none, from the gradient of the voxel values, or from the
-/// direction of the strands that the volume was made from.
+/// direction of strands (curves such as hair).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -225,7 +226,7 @@ impl Shading {
     /// All shading models that a scene can select.
     pub const ALL: [Self; 4] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay];
 
-    /// Returns whether the shading model needs a volume made from strands.
+    /// Returns whether the shading model needs a volume made from strands (curves such as hair or fibres).
     pub fn is_of_strands(self) -> bool {
         self == Self::KajiyaKay
     }
@@ -268,11 +269,11 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Largest number of lights in a scene, since each light needs a shadow map and a render pass.
+    /// Largest number of lights in a scene. It is limited because each light needs a shadow map and a render pass.
     pub const MOST_LIGHTS: usize = 16;
 
-    /// Returns the scene's lights that are not black, in order. If all are black, it returns the first one, since a
-    /// picture needs one render pass.
+    /// Returns the scene's lights that are not black, in order. If all are black, it returns only the first one,
+    /// since a picture needs one render pass.
     pub fn shining(&self) -> Vec<LightSource> {
         let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
         if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
@@ -283,7 +284,8 @@ impl Scene {
         self.lights.iter().filter(|source| source.shines()).count() as u32
     }
 
-    /// Returns the scene's lights that are not black, with their numbers from 1; empty if there are fewer than two.
+    /// Returns the scene's lights that are not black, each with its index from 1 in the scene. The list is empty if
+    /// there are fewer than two.
     pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
         let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());
         let lights: Vec<_> = numbered.collect();
@@ -295,13 +297,13 @@ impl Scene {
         self.lights.first().map_or_else(Light::default, |source| source.light)
     }
 
-    /// Returns a copy of the scene with a single light.
+    /// Returns a copy of the scene whose only light is `light`.
     #[must_use]
     pub fn under(&self, light: LightSource) -> Self {
         Self { lights: vec![light], ..self.clone() }
     }
 
-    /// Returns the default scene: default settings and a camera that fits `volume`.
+    /// Returns a scene with default settings and a camera that fits `volume`.
     pub fn framing(volume: &Volume) -> Self {
         Self {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),

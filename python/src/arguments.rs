@@ -1,4 +1,5 @@
-//! Keyword arguments of Python as scene settings: each is parsed like the command-line flag of its name.
+//! Conversion of Python keyword arguments to scene settings. Each argument is parsed like the command-line flag of
+//! the same name.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
@@ -9,7 +10,7 @@ use umbravox::transfer::TransferFunction;
 
 const WHAT: &str = "bad argument";
 
-/// Settings of the command line's text output, which Python does not accept.
+/// Names of command-line flags for text output, which Python calls do not accept as arguments.
 pub const COMMAND_LINE_ONLY: [&str; 2] = ["explain", "json"];
 
 /// Scene settings that a call from Python requests by keyword arguments.
@@ -19,7 +20,7 @@ pub struct Request {
     pub adapter: Option<String>,
     /// Transfer function given as a dictionary in the argument `tf`, instead of a name.
     pub function: Option<TransferFunction>,
-    /// Settings given as empty lists, which remove the values of the scene.
+    /// Names of settings given as empty lists, which remove the scene's own values of these settings.
     pub cleared: Vec<String>,
 }
 
@@ -58,12 +59,12 @@ impl Request {
         Ok(Self { settings, adapter: run.adapter, function, cleared })
     }
 
-    /// Creates a request from the settings of a scene file.
+    /// Takes over the scene settings that a scene file contains.
     pub fn of_file(SceneRequest { settings, run }: SceneRequest) -> Self {
         Self { settings, adapter: run.adapter, ..Self::default() }
     }
 
-    /// Combines two layers of scene settings: a value of this request wins over one of `below`.
+    /// Combines two layers of scene settings: a value in `self` wins over one in `below`.
     pub fn over(&self, below: &Self) -> Outcome<Self> {
         let mut left = below.settings.clone();
         // A given `eye` replaces an earlier `view`, and a given `view` replaces earlier `eye`, `target` and `up`.
@@ -87,7 +88,7 @@ impl Request {
     }
 }
 
-/// Replaces the names of settings in an error's hint by the names of Python arguments.
+/// Replaces command-line names of settings in the hint of an error message by the names of Python arguments.
 fn as_names(hint: &str) -> String {
     match hint.strip_prefix("keys: ") {
         Some(keys) => {
@@ -99,7 +100,7 @@ fn as_names(hint: &str) -> String {
     }
 }
 
-/// Reads a transfer function from a Python dictionary that has the form of a transfer function file.
+/// Reads a transfer function from a Python dictionary that has the structure of a transfer function file (JSON).
 fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
     let py = given.py();
     let options = PyDict::new(py);
@@ -144,7 +145,7 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     }
 }
 
-/// Converts a value of a scene file to text, for use inside a longer text.
+/// Converts a TOML value of a scene file to plain text, for use inside a longer text.
 fn joined(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

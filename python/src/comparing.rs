@@ -1,4 +1,4 @@
-//! Table of error against time for one scene, returned to Python as dictionaries.
+//! Comparison of shadow methods on one scene (error, time and memory), returned to Python as dictionaries.
 
 use crate::arguments::Request;
 use crate::fault::{Fault, Outcome};
@@ -29,7 +29,7 @@ use umbravox::scene::Scene;
 use umbravox::shadow::{COMPARED, parse_distinct};
 use umbravox::transfer::TransferFunction;
 
-/// Step of a long computation, reported to Python as progress.
+/// Progress of a long computation, reported to Python: finished and total steps, the running step, and the time left.
 pub struct Step {
     done: usize,
     total: usize,
@@ -38,16 +38,16 @@ pub struct Step {
 }
 
 impl Step {
-    /// Creates a progress step: `done` of `total` steps are finished, and `what` is in work.
+    /// Creates a progress report for Python: `done` of `total` steps are finished, and the step `what` is running.
     pub fn of(done: usize, total: usize, what: &str) -> Self {
         Self { done, total, what: what.to_owned(), left_s: None }
     }
 }
 
-/// Receiver of progress steps: a Python callable, or the progress line on stderr of `progress=True`.
+/// Receiver of progress reports: a Python callable, or the progress line on stderr of `progress=True`.
 pub struct ProgressListener(Option<Py<PyAny>>);
 
-/// Creates the receiver of progress steps from the Python argument `progress`.
+/// Creates the receiver of progress reports from the Python argument `progress`.
 pub fn progress_listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<ProgressListener> {
     let Some(given) = progress else { return Ok(ProgressListener(None)) };
     Ok(ProgressListener(match given.cast::<PyBool>() {
@@ -58,7 +58,7 @@ pub fn progress_listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) ->
 }
 
 impl ProgressListener {
-    /// Reports a step of a long computation to the Python callable.
+    /// Reports the progress of a long computation to the Python callable.
     pub fn report(&self, py: Python<'_>, step: Step) -> PyResult<()> {
         let Some(callable) = &self.0 else { return Ok(()) };
         let dict = PyDict::new(py);
@@ -70,7 +70,7 @@ impl ProgressListener {
     }
 }
 
-/// Settings of a measured comparison table, as the flags of `umbravox compare` with these names.
+/// Settings of a measured comparison table of shadow methods. Fields have the names of `umbravox compare` flags.
 pub struct Table {
     pub methods: Option<String>,
     pub budgets: Option<String>,
@@ -80,7 +80,7 @@ pub struct Table {
     pub resume: bool,
 }
 
-/// Scene that a comparison table measures.
+/// Scene on which a comparison table measures the shadow methods.
 pub struct ComparedScene {
     subject: Subject,
     record: SceneRecord,
@@ -88,16 +88,17 @@ pub struct ComparedScene {
     tf_text: Option<String>,
 }
 
-/// Finished comparison table: measured rows, notes and failures.
+/// Results of a comparison of shadow methods: measured table rows, notes, and failures.
 pub struct Rows {
     rows: Vec<Row>,
-    /// Notes on the comparison table for its reader.
+    /// Notes for the reader of the comparison table of shadow methods.
     pub notes: Vec<String>,
-    /// Rows of the comparison table that failed, with reasons.
+    /// Names of the comparison table's rows that could not be measured, with reasons.
     failures: Vec<String>,
 }
 
-/// Creates the measurement settings of a comparison table from the given repeats, points, rays and depths.
+/// Creates the measurement settings of a comparison table from the numbers of repeats, sample points, light rays and
+/// depths.
 pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
     let check_all = match check {
         "sample" => false,
@@ -138,7 +139,7 @@ pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outco
 }
 
 impl Table {
-    /// Creates the scene that the comparison table measures, independent of the Python object.
+    /// Copies the scene that the comparison table measures, so that it does not depend on the Python object.
     pub fn compared_scene(
         &self,
         loaded: &Loaded,
@@ -174,7 +175,8 @@ impl Table {
         Ok(ComparedScene { subject, record, tf_text })
     }
 
-    /// Measures the comparison table, and writes its files if there is an output folder.
+    /// Measures all rows of the comparison table of shadow methods, and writes its files if there is an output
+    /// folder.
     pub fn measured(
         &self,
         compared: ComparedScene,
@@ -223,7 +225,7 @@ impl Table {
     }
 }
 
-/// Observer of a measurement that reports its steps to Python and stops it at an interrupt.
+/// Observer of a measurement that reports its progress to Python and stops it at an interrupt.
 struct Watcher<'a> {
     cancellation: &'a Cancellation,
     sender: &'a Sender<Step>,

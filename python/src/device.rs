@@ -1,4 +1,4 @@
-//! Open graphics adapters of the Python module, one GPU device each.
+//! Graphics adapters that the Python module has opened, with one GPU device each.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,7 +8,8 @@ use umbravox::render::Renderer;
 
 static OPEN: Mutex<Option<HashMap<Option<String>, Arc<Renderer>>>> = Mutex::new(None);
 
-/// Opens a separate GPU device for one comparison, so that rendering by other threads is not measured.
+/// Opens a separate GPU device for one measured comparison, so that the measured times do not include rendering by
+/// other threads.
 pub fn own(name: Option<&str>) -> Result<Arc<Renderer>> {
     Ok(Arc::new(Renderer::new(Gpu::open(name)?)))
 }

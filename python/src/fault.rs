@@ -1,4 +1,4 @@
-//! Errors of the library as Python exceptions with the same texts.
+//! Conversion of the library's errors to Python exceptions with the same texts.
 
 use pyo3::prelude::*;
 use umbravox::error::Fault as Cause;
@@ -9,11 +9,11 @@ pub enum Fault {
     Raised(PyErr),
 }
 
-/// Result of functions of the module that Python calls.
+/// Result type of Rust functions that Python calls.
 pub type Outcome<T> = Result<T, Fault>;
 
 impl Fault {
-    /// Creates an error about invalid input: what failed, where, and why.
+    /// Creates an error about invalid input from three texts: what failed, where, and why.
     pub fn input(what: &str, place: impl ToString, why: impl ToString) -> Self {
         Self::Library(umbravox::Error::input(what, place, why))
     }
@@ -40,7 +40,8 @@ impl From<Fault> for PyErr {
     }
 }
 
-/// Creates a Python exception of `umbravox._errors`, whose classes can be pickled.
+/// Converts an error of the library to a Python exception from `umbravox._errors`, whose exception classes can be
+/// pickled.
 fn exception(py: Python<'_>, e: umbravox::Error) -> PyResult<PyErr> {
     let name = match e.fault {
         Cause::Input => "InputError",

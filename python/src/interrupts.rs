@@ -1,4 +1,4 @@
-//! Computations without Python's interpreter lock, which Ctrl-C interrupts.
+//! Long computations that run without Python's interpreter lock and that Ctrl-C interrupts.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
@@ -14,7 +14,7 @@ const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(25);
 pub struct Cancellation(AtomicBool);
 
 impl Cancellation {
-    /// Whether the running computation may continue.
+    /// Whether the running computation may continue; false after a request to end.
     pub fn goes_on(&self) -> bool {
         !self.0.load(Ordering::Relaxed)
     }
@@ -61,7 +61,8 @@ pub fn run_reporting<T: Send, N: Send>(
     }
 }
 
-/// Returns an error in a forked process. It lacks the worker threads of its parent, and would wait for them forever.
+/// Returns an error if this process was forked from one that used umbravox. It lacks the worker threads of its
+/// parent, and would wait for them forever.
 fn refuse_forked() -> Outcome<()> {
     static FIRST: AtomicU32 = AtomicU32::new(0);
     let here = std::process::id();

@@ -37,7 +37,7 @@ mod _umbravox {
     }
 }
 
-/// Names of the built-in transfer functions, with descriptions.
+/// Names of the built-in transfer functions (presets), with descriptions.
 #[pyfunction]
 fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
@@ -53,7 +53,7 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Keyword arguments of a scene, with their help.
+/// Names of the keyword arguments with which a scene is made, with their help texts.
 #[pyfunction]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);

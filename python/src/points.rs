@@ -1,4 +1,4 @@
-//! Points in world mm from NumPy arrays, and results for them in the same shape.
+//! Conversion of NumPy arrays to points in world mm, and of results for the points to arrays of the same shape.
 
 use crate::fault::{Fault, Outcome};
 use crate::interrupts::Cancellation;
@@ -45,7 +45,7 @@ pub fn shaped<'py, T: numpy::Element>(
     answers.into_pyarray(py).call_method1("reshape", (shape,))
 }
 
-/// Computes results for points or segments in chunks, between which Ctrl-C can end the computation.
+/// Computes results for points or segments in chunks. Ctrl-C can end the computation between two chunks.
 pub fn in_pieces<Q: Sync>(
     request: &[Q],
     cancellation: &Cancellation,

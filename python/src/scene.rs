@@ -1,4 +1,4 @@
-//! Python class `Scene`: a volume, its settings, and the data that stay on the GPU between queries.
+//! Python class `Scene`: a volume, its settings, and the GPU data that stay loaded between pictures and queries.
 
 use crate::arguments::Request;
 use crate::comparing::{self, Table};
@@ -78,19 +78,19 @@ impl PyScene {
         Self::begin(py, None, None, Request::parse(arguments)?.over(&below)?)
     }
 
-    /// Volume of the scene.
+    /// Volume that the scene renders.
     #[getter]
     fn volume(&self) -> PyVolume {
         PyVolume { input: self.state.input.clone() }
     }
 
-    /// Assumptions made about the scene, one line each.
+    /// Assumptions that the library made about the scene, such as the units of the volume, one line each.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         PyList::new(py, self.state.notes())
     }
 
-    /// Renders a picture, height x width x 4: linear RGB over the background, and opacity.
+    /// Renders the scene to an array, height x width x 4: linear RGB over the background, and opacity.
     #[pyo3(signature = (**arguments))]
     fn render<'py>(
         &self,
@@ -207,7 +207,8 @@ impl PyScene {
         Ok(shaped(py, found, shape)?)
     }
 
-    /// Measures the table of error against time, and returns its rows as dictionaries.
+    /// Measures shadow methods on the scene (error, time, memory), and returns the rows of the comparison table as
+    /// dictionaries.
     #[pyo3(signature = (methods=None, *, output=None, repeats=None, points=None, rays=None, depths=None, check="sample",
         budget=None, overwrite=false, resume=false, progress=None, **arguments))]
     #[expect(clippy::too_many_arguments, reason = "each is a flag of the command")]
@@ -282,7 +283,7 @@ impl PyScene {
         Ok(dict)
     }
 
-    /// Returns the text of a TOML scene file with the settings of the scene, defaults included.
+    /// Returns the text of a TOML scene file with all settings of the scene, defaults included.
     #[pyo3(signature = (**arguments))]
     fn to_toml(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<String> {
         let request = self.request(arguments)?;
@@ -294,7 +295,8 @@ impl PyScene {
         self.done(py, |cancellation| self.state.resolved(&request, cancellation)?.to_toml())
     }
 
-    /// Cost of the last rendered picture: times in milliseconds, memory in bytes, and skipped work.
+    /// Cost of the last rendered picture: times in milliseconds, memory in bytes, and rendering work that was
+    /// skipped.
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyDict>>> {
         let Some(cost) = self.state.last() else { return Ok(None) };
@@ -352,7 +354,7 @@ impl PyScene {
         Ok(scene)
     }
 
-    /// Combines the arguments of a call with the settings of the scene; arguments win.
+    /// Combines the keyword arguments of a call with the settings of the scene; arguments win.
     fn request(&self, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Request> {
         let request = Request::parse(arguments)?.over(&self.base)?;
         if !request.settings.reads_as(&self.base.settings) {
@@ -368,7 +370,7 @@ impl PyScene {
         Ok(request)
     }
 
-    /// Runs a computation that Ctrl-C can end, and issues its warnings in Python.
+    /// Runs a computation that Ctrl-C can end, and issues warnings about the scene in Python.
     fn done<T: Send>(
         &self,
         py: Python<'_>,

@@ -1,4 +1,4 @@
-//! State of a scene without Python types: the volume, and the device data that its pictures and queries share.
+//! State of a scene without Python types: the volume, and the GPU data that its pictures and queries share.
 
 use crate::arguments::Request;
 use crate::device;
@@ -20,25 +20,26 @@ use umbravox::shadow::BuildReport;
 use umbravox::transfer::TransferFunction;
 use umbravox::volume::{DirectionMoments, Volume};
 
-/// Interval between two attempts to lock the device data of a scene.
+/// Interval between two attempts to lock the GPU data of a scene while another call uses them.
 const RETRY_INTERVAL: Duration = Duration::from_millis(2);
-/// Duration of one band of a picture, after which cancellation is tested, ms.
+/// Rendering time of one band (several rows) of a picture, ms; cancellation is tested after each band.
 const BAND_MS: f64 = 200.0;
 
-/// Volume and the device data that its pictures and queries share. No result depends on earlier calls.
+/// Volume with the GPU data that its pictures and queries share. No result depends on earlier calls.
 pub struct SceneState {
     pub input: InputVolume,
     cache: Mutex<Cache>,
-    /// Notes and costs, locked separately, so that reading notes does not wait for a picture.
+    /// Notes on the scene and cost of its last picture, locked separately, so that reading them does not wait for a
+    /// picture.
     reported: Mutex<Reported>,
 }
 
-/// Notes and costs of the pictures and queries of a scene so far.
+/// Notes on a scene, and the cost of its last rendered picture.
 #[derive(Default)]
 struct Reported {
     /// Cost of the last rendered picture.
     last: Option<Cost>,
-    /// Assumptions about the scene that the caller was not yet warned of.
+    /// Assumptions about the scene of which the caller was not yet warned.
     pending: Vec<Diagnostic>,
     notes: Vec<String>,
 }
@@ -54,14 +55,14 @@ impl Reported {
     }
 }
 
-/// Device data, transfer function and camera of a scene, reused by later pictures and queries.
+/// GPU data, transfer function and camera of a scene, reused by later pictures and queries.
 #[derive(Default)]
 struct Cache {
     session: Option<CachedSession>,
     scene: Option<CachedScene>,
 }
 
-/// Transfer function and scene defaults for one set of scene settings.
+/// Volume with the transfer function that one set of scene settings gives, reused by later calls.
 struct CachedScene {
     request: Request,
     loaded: Loaded,
@@ -71,7 +72,7 @@ struct CachedScene {
 }
 
 impl CachedScene {
-    /// Returns the scene for settings that share the cached transfer function.
+    /// Returns the scene (camera, lights, size) for settings whose transfer function is the cached one.
     fn scene(&mut self, settings: &SceneSettings) -> Result<Scene> {
         let of_camera = SceneSettings {
             size: settings.size,
@@ -102,7 +103,7 @@ impl CachedScene {
     }
 }
 
-/// Cost of rendering one picture: adapter, times, memory and skipped work.
+/// Cost of rendering one picture: graphics adapter, times, memory and skipped rendering work.
 #[derive(Clone)]
 pub struct Cost {
     pub adapter: String,
@@ -113,7 +114,8 @@ pub struct Cost {
     pub left_out: Vec<String>,
 }
 
-/// Inputs of the exact reference, copied so that the lock on the device data is free during its computation.
+/// Volume, transfer function and strand directions for exact results, copied so that the lock on the GPU data is free
+/// meanwhile.
 pub struct ExactInputs {
     volume: Arc<Volume>,
     tf: TransferFunction,
@@ -133,7 +135,7 @@ impl ExactInputs {
 }
 
 impl SceneState {
-    /// Creates the state of a scene, without device data.
+    /// Creates the state of a scene, without data on the GPU.
     pub fn new(input: InputVolume) -> Self {
         let mut reported = Reported::default();
         input.diagnostics.iter().for_each(|d| {
@@ -147,7 +149,7 @@ impl SceneState {
         lock(&self.reported).notes.clone()
     }
 
-    /// Adds notes about the scene.
+    /// Adds notes about the scene, each of them once.
     pub fn note(&self, notes: &[String]) {
         let mut reported = lock(&self.reported);
         notes.iter().for_each(|line| {
@@ -165,7 +167,7 @@ impl SceneState {
         lock(&self.reported).last.clone()
     }
 
-    /// Calls `ask` with the scene and the volume prepared for its transfer function, which is cached.
+    /// Calls `ask` with the scene, and with the volume and its transfer function, which are cached.
     pub fn with_scene<T>(
         &self,
         request: &Request,
@@ -178,7 +180,7 @@ impl SceneState {
         ask(&cached.loaded, scene)
     }
 
-    /// Returns the inputs of the exact reference, and the scene.
+    /// Returns the volume, transfer function and strand directions for exact results, and the scene.
     pub fn exact(&self, request: &Request, cancellation: &Cancellation) -> Result<(ExactInputs, Scene)> {
         self.with_scene(request, cancellation, |loaded, scene| Ok((ExactInputs::of(loaded, &scene)?, scene)))
     }
@@ -227,7 +229,7 @@ impl SceneState {
         Some(Diagnostic::warning(text))
     }
 
-    /// Waits until the device data of the scene are free, and locks them.
+    /// Waits until no other call uses the GPU data of the scene, and locks them.
     fn cache(&self, cancellation: &Cancellation) -> Result<MutexGuard<'_, Cache>> {
         loop {
             match self.cache.try_lock() {
@@ -246,7 +248,7 @@ impl SceneState {
         device::renderer(request.adapter.as_deref())
     }
 
-    /// Prepares the device data for a picture or a query, and passes them to `then` with the scene.
+    /// Prepares the GPU data for a picture or a query, and passes them to `then` with the scene.
     pub fn prepared<T>(
         &self,
         request: &Request,
@@ -278,7 +280,7 @@ impl SceneState {
         then(session.prepare(method.as_ref(), (&scene, coverage), &mut work)?, &scene, work)
     }
 
-    /// Renders a picture in bands; the rendering can be cancelled between them.
+    /// Renders a picture in bands of rows; the rendering can be cancelled between them.
     pub fn drawn(&self, request: &Request, cancellation: &Cancellation) -> Result<Picture> {
         self.prepared(request, cancellation, MapCoverage::Picture, |prepared, scene, work| {
             let Prepared { renderer, loaded, transfer, shadows } = prepared;
@@ -318,7 +320,7 @@ impl SceneState {
     }
 }
 
-/// Locks the notes and costs of a scene, for a moment only.
+/// Locks the notes on a scene and the cost of its last picture, for a moment only.
 fn lock(reported: &Mutex<Reported>) -> MutexGuard<'_, Reported> {
     reported.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -22,7 +22,7 @@ const WHAT: &str = "cannot use volume";
 /// Largest magnitude up to which a 64-bit float represents every integer.
 const MAX_EXACT_INTEGER: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
 
-/// Volume in memory, with the way it was read.
+/// Volume in memory, with the settings with which it was read from a file (none for an array).
 #[derive(Clone)]
 pub struct InputVolume {
     pub volume: Arc<Volume>,
@@ -80,7 +80,7 @@ impl InputVolume {
     }
 }
 
-/// Scalar field on a regular grid, with an affine to world millimetres (RAS+).
+/// Volume: a scalar field on a regular grid, with an affine to world millimetres (RAS+).
 #[pyclass(frozen, module = "umbravox", name = "Volume")]
 pub struct PyVolume {
     pub input: InputVolume,
@@ -257,7 +257,7 @@ pub fn read(
     Ok(PyVolume { input })
 }
 
-/// Returns only the settings about reading a volume, from all settings of a scene.
+/// Returns the settings that concern the reading of a volume, out of all settings of a scene.
 pub fn reading(settings: &SceneSettings) -> SceneSettings {
     let mut reads = SceneSettings {
         volume: settings.volume.clone(),
@@ -269,7 +269,7 @@ pub fn reading(settings: &SceneSettings) -> SceneSettings {
     reads
 }
 
-/// Reads the volume file that the settings name.
+/// Reads the volume file that is named in the scene settings.
 pub fn read_input(py: Python<'_>, settings: SceneSettings) -> Outcome<InputVolume> {
     let loading = Loading::default();
     let mut diagnostics = Vec::new();
@@ -279,7 +279,7 @@ pub fn read_input(py: Python<'_>, settings: SceneSettings) -> Outcome<InputVolum
     Ok(InputVolume { volume, strands, read_by, diagnostics, has_own_labels: false })
 }
 
-/// Issues Python warnings for the diagnostics that are warnings.
+/// Issues a Python warning for each diagnostic message whose level is a warning.
 pub fn warn(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
     for warning in diagnostics.iter().filter(|d| d.level == Level::Warning) {
         py.import("warnings")?.call_method1("warn", (&warning.message,))?;
@@ -364,7 +364,7 @@ fn spacing_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<[f64; 3]> {
     }
 }
 
-/// Returns a copy of a NumPy array with the last axis fastest in memory.
+/// Returns a copy of a NumPy array whose last axis varies fastest in memory.
 fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T> {
     array.as_array().as_standard_layout().into_owned()
 }

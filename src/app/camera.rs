@@ -1,4 +1,4 @@
-//! Moves the camera and the light of the viewer window by pointer drags.
+//! Converts pointer drags in the viewer to movements of the camera and the edited light.
 
 use crate::scene::{AxisView, Camera, Light};
 use glam::{DQuat, DVec3};
@@ -17,7 +17,8 @@ pub enum Orbit {
 /// Minimum angle between the camera's view direction and the up axis in turntable rotation, radians.
 const POLE_MARGIN: f64 = 0.01;
 
-/// Rotates the camera about its target by a pointer drag. `right` and `down` are the angles of the drag, radians.
+/// Rotates the camera about its target when the user drags the pointer. `right` and `down` are the rotation angles,
+/// radians.
 pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
     let frame = camera.frame();
     let offset = camera.eye - camera.target;
@@ -66,7 +67,7 @@ pub fn look_from(camera: &mut Camera, view: &AxisView) {
     look_along(camera, view.away, view.up);
 }
 
-/// Moves the camera to the unit direction `away` from its target, at the current distance.
+/// Moves the camera so that it lies in the unit direction `away` from its target, at the current distance.
 pub fn look_along(camera: &mut Camera, away: DVec3, up: DVec3) {
     let distance = camera.eye.distance(camera.target);
     camera.eye = camera.target + distance * away;
@@ -89,9 +90,8 @@ pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     }
 }
 
-/// Maps a light direction to a point of the unit disc that shows it. The disc's centre is a light behind the camera.
-/// Half its radius is a light perpendicular to the view. Its rim is a light behind the volume. `None` where `toward`
-/// is zero.
+/// Position in the unit-disc control of the viewer that shows a light direction. Centre: light behind the camera.
+/// Half the radius: light perpendicular to the view. Rim: light behind the volume. `None` if `toward` is zero.
 pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     let frame = camera.frame();
     let v = toward.try_normalize()?;
@@ -101,7 +101,8 @@ pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     Some(if across < 1e-9 { [angle, 0.0] } else { [angle * x / across, angle * y / across] })
 }
 
-/// Light direction for a point of the unit disc; the inverse of [`disc_from_direction`].
+/// Light direction that a position in the viewer's unit-disc control stands for; the inverse of
+/// [`disc_from_direction`].
 pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     let frame = camera.frame();
     let radius = x.hypot(y).min(1.0);

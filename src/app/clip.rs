@@ -5,7 +5,8 @@ use crate::scene::AxisView;
 use crate::transfer::ClipPlane;
 use glam::DVec3;
 
-/// Edges of a box as pairs of corner indices. Bits 0, 1 and 2 of a corner index are its side along x, y and z.
+/// Edges of a box as pairs of corner indices, 0 to 7. Bits 0, 1 and 2 of an index select the lower or upper side
+/// along x, y and z.
 const EDGES: [[usize; 2]; 12] =
     [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
@@ -35,7 +36,8 @@ pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     }
 }
 
-/// Clip plane through the centre of a box that cuts away the half on the side of an axis view.
+/// Clip plane through the centre of a box. It cuts away the half towards the camera of an axis view (anterior, left,
+/// ...).
 pub fn from_side(corners: &[DVec3; 8], view: &AxisView) -> ClipPlane {
     through_middle(corners, -view.away)
 }
@@ -46,7 +48,8 @@ pub fn through_middle(corners: &[DVec3; 8], normal: DVec3) -> ClipPlane {
     ClipPlane { normal, offset_mm: normal.dot(corners.iter().sum::<DVec3>() / 8.0) }
 }
 
-/// Smallest and largest offset at which a clip plane with a given normal cuts a box, mm.
+/// Smallest and largest signed distance from the world origin at which a clip plane with a given normal cuts a box,
+/// mm.
 pub fn offsets_mm(corners: &[DVec3; 8], normal: DVec3) -> [f64; 2] {
     let along = corners.map(|c| normal.dot(c));
     [along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max)]

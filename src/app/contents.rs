@@ -24,9 +24,11 @@ use std::time::Duration;
 
 /// State of the viewer application: the open volume with its settings, and the state of all panels.
 pub struct App {
-    /// State shared by the panels: the open document and the requests to the render thread.
+    /// State that the panels of the viewer window share: the open volume with its settings, and requests to the
+    /// render thread.
     pub model: Model,
-    /// State of the floating windows over the picture, such as the comparison of methods and the file prompt.
+    /// State of the floating windows over the picture, such as the comparison of shadow methods and the prompt for a
+    /// file path.
     pub windows: Windows,
     /// State of the heat maps that show the error of each shadow method over the picture.
     pub difference: Difference,
@@ -56,8 +58,8 @@ impl App {
         })
     }
 
-    /// Runs one frame of the user interface. Without a `render_state` volume pictures are rendered but not shown
-    /// (tests).
+    /// Draws one frame of the viewer's user interface. Without a `render_state` (in tests), rendered pictures are not
+    /// shown.
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         self.handle_events();
         let context = ui.ctx().clone();
@@ -86,7 +88,8 @@ impl App {
         }
     }
 
-    /// Handles results of background threads: finished volumes, pictures, probes, heat maps and exports.
+    /// Handles results of background threads in the viewer: opened volumes, pictures, transmittance curves, error
+    /// heat maps and exported pictures.
     fn handle_events(&mut self) {
         self.model.take_reading();
         for event in self.model.thread.events() {
@@ -132,14 +135,15 @@ impl App {
         self.slices.reset(document);
     }
 
-    /// Moves the open document out of the application after the graphics device was lost, to continue on another one.
+    /// Moves the open volume with its settings out of the viewer after a loss of the graphics device, to continue on
+    /// another device.
     pub fn into_resume(&mut self, why: String) -> Resume {
         let model = &mut self.model;
         let open = model.document.take().map(|d| (d, model.split, self.difference.only_choices()));
         Resume { why, settings: model.settings.clone(), open }
     }
 
-    /// Continues after a loss of the graphics device, with the document that was open.
+    /// Continues on a new graphics device with the volume and settings that were open when the old device was lost.
     pub fn resume(&mut self, resume: Resume) {
         let text = format!("the graphics device was lost ({}); a new one is in use", resume.why);
         self.model.add_message(text, None, true);

@@ -14,11 +14,13 @@ const EDGE_ON: f64 = 1e-3;
 /// Visible clickable cell on a face of the orientation cube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Direction from the target to the camera that a click on this cell selects: -1, 0 or 1 along each axis, RAS+.
+    /// Direction from the target to the camera that a click on this cell of the orientation cube selects: -1, 0 or 1
+    /// along each axis, RAS+.
     pub away: IVec3,
     /// Outward normal of the cube face that contains this cell.
     pub face: IVec3,
-    /// Corners of this cube cell on screen, in order around the cell, in half edge lengths.
+    /// Corners on screen of this clickable cell of the orientation cube, in order around the cell, in half edge
+    /// lengths of the cube.
     pub corners: [DVec2; 4],
 }
 

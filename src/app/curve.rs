@@ -7,7 +7,7 @@ use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Maximum interval between two edits of one kind that form a single undo step.
+/// Maximum interval between two transfer-function edits of one kind that form a single undo step.
 const ONE_EDIT: Duration = Duration::from_millis(700);
 /// Minimum extinction at the upper end of the vertical axis of the transfer-function editor, 1/mm.
 const MIN_TOP: f64 = 1e-6;
@@ -15,39 +15,41 @@ const MIN_TOP: f64 = 1e-6;
 /// Edit of a transfer function, such as moving or adding a control point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Edit {
-    /// Moves a control point of the transfer function. The point stays between its neighbours.
+    /// Moves a control point of the transfer function. The point stays between its neighbouring control points.
     Move {
         /// Index of the moved control point in the transfer function.
         index: usize,
-        /// Scalar value to which the control point moves.
+        /// New scalar value of the moved control point of the transfer function.
         value: f64,
-        /// New opacity of the control point, or its new extinction in 1/mm.
+        /// New opacity of the moved control point of the transfer function, or its new extinction in 1/mm.
         amount: f64,
     },
     /// Adds a control point to the transfer function, with the colour that the function has at this scalar value.
     Add {
-        /// Scalar value of the added control point.
+        /// Scalar value of the control point that is added to the transfer function.
         value: f64,
-        /// Opacity of the added control point, or its extinction in 1/mm.
+        /// Opacity of the control point that is added to the transfer function, or its extinction in 1/mm.
         amount: f64,
     },
     /// Removes a control point from the transfer function.
     Remove {
-        /// Index of the control point to remove.
+        /// Index of the control point that is removed from the transfer function.
         index: usize,
     },
-    /// Sets the colour of a control point, rounded to the precision of a transfer-function file.
+    /// Sets the colour of a control point of the transfer function, rounded to the precision of a transfer-function
+    /// file.
     Color {
-        /// Index of the control point whose colour is set.
+        /// Index of the control point of the transfer function whose colour is set.
         index: usize,
-        /// New colour of the control point, linear RGB, 0 to 1.
+        /// New colour of the control point of the transfer function, linear RGB, 0 to 1.
         color: [f64; 3],
     },
-    /// Turns a control point into a discontinuity: adds a second control point at the same scalar value.
+    /// Turns a control point of the transfer function into a discontinuity: adds a second control point at the same
+    /// scalar value.
     Jump {
         /// Index of the control point that becomes a discontinuity of the transfer function.
         index: usize,
-        /// Opacity of the transfer function above the discontinuity, or its extinction in 1/mm.
+        /// Opacity of the transfer function just above the discontinuity, or its extinction in 1/mm.
         amount: f64,
     },
     /// Multiplies the extinction of the transfer function by one factor at every scalar value.
@@ -56,11 +58,12 @@ pub enum Edit {
         factor: f64,
     },
     /// Shifts the control points of the transfer function along the value axis, and scales their distances to the
-    /// centre (window and level).
+    /// middle of their range (window and level).
     Window {
-        /// Offset added to the scalar value of every control point.
+        /// Offset added to the scalar value of every control point of the transfer function.
         shift: f64,
-        /// Factor that scales the distance of every control point to the centre of the control points.
+        /// Factor on the distance of every control point of the transfer function to the middle of their range of
+        /// scalar values.
         spread: f64,
     },
 }
@@ -68,7 +71,7 @@ pub enum Edit {
 /// Applies an edit to a transfer function and returns the edited function.
 ///
 /// # Errors
-/// An edited function that no file can store, e.g. with a third control point at one scalar value.
+/// An edited transfer function that no file can store, e.g. with a third control point at one scalar value.
 pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'static str> {
     let mut tf = tf.clone();
     let highest = match tf.quantity {
@@ -138,8 +141,8 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
     Ok(tf)
 }
 
-/// Range of scalar values to which a control point may move. It may coincide with one neighbour (a discontinuity),
-/// not with two.
+/// Range of scalar values to which a control point of the transfer function may move. It may coincide with one
+/// neighbouring control point (a discontinuity), not with two.
 fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
     let value = |i: Option<usize>| i.and_then(|i| tf.points.get(i)).map(|p| p.value);
     let (before, before2) = (value(index.checked_sub(1)), value(index.checked_sub(2)));
@@ -170,7 +173,8 @@ pub enum AmountAxis {
 
 /// Number of decades on the logarithmic axis of the transfer-function editor.
 const DECADES: f64 = 4.0;
-/// Fraction of the editor's logarithmic axis below its lowest decade. The axis is linear there, down to zero.
+/// Fraction of the height of the transfer-function editor's logarithmic axis below its lowest decade. There the axis
+/// is linear, down to zero.
 const FOOT: f64 = 0.06;
 
 impl AmountAxis {
@@ -207,7 +211,8 @@ pub struct History {
 }
 
 impl History {
-    /// Records an edit of the transfer function as an undo step, unless it continues the last edit, as in a drag.
+    /// Records an edit of the transfer function as an undo step, unless the edit continues the one before it, as in a
+    /// drag.
     pub fn note_edit(&mut self, [before, after]: [&Arc<TransferFunction>; 2], edit: Edit) {
         let kind = discriminant(&edit);
         if self.last.is_none_or(|(last, when)| last != kind || when.elapsed() >= ONE_EDIT) {
@@ -236,7 +241,7 @@ impl History {
         self.undoer.redo(now).cloned().into_iter().for_each(|after| *now = after);
     }
 
-    /// Whether the transfer function has an edit to undo, and an edit to redo.
+    /// Returns whether an edit of the transfer function can be undone, and whether one can be redone.
     pub fn is_possible(&self, now: &Arc<TransferFunction>) -> [bool; 2] {
         [self.undoer.has_undo(now), self.undoer.has_redo(now)]
     }

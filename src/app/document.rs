@@ -1,5 +1,5 @@
-//! Document of the viewer: an open volume with its transfer function, shadow method and scene. It can be saved as a
-//! scene file.
+//! Open volume of the viewer with its transfer function, shadow method and scene. All of them can be saved in a scene
+//! file.
 
 use super::curve::{Edit, History, apply};
 use crate::engine::reading::{InitialState, OpenedVolume};
@@ -17,7 +17,7 @@ use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Document of the viewer: the open volume with all settings that determine its picture.
+/// Open volume of the viewer with all settings that determine its picture.
 #[derive(Debug, Clone)]
 pub struct Document {
     /// Path or name of the open volume, with the flags by which it was read.
@@ -30,13 +30,13 @@ pub struct Document {
     pub histogram: Arc<Histogram>,
     /// Transfer function as edited by the user, with clip planes and rules for segmentation labels.
     pub tf: Arc<TransferFunction>,
-    /// Preset name or file path of the loaded transfer function, and the function as loaded, before edits.
+    /// Preset name or file path of the loaded transfer function, and this transfer function as loaded, before edits.
     pub tf_source: (String, Arc<TransferFunction>),
-    /// Units of the scalar values and opacity scale that the user requested. Presets and transfer-function files
-    /// loaded later use them.
+    /// Units of the scalar values and scale of the opacity, as the user requested them. They also apply to presets
+    /// and transfer-function files loaded later.
     pub suiting: Suiting,
-    /// Segmentation of the open volume and the transfer functions of its labels. Hidden labels and clip planes are
-    /// stored in `tf`.
+    /// Segmentation (label volume) of the open volume, and the transfer functions of its labels. Hidden labels and
+    /// clip planes are stored in `tf`.
     pub parts: MaskFlags,
     /// Undo history of the transfer function of the open volume.
     pub history: History,
@@ -53,15 +53,14 @@ pub struct Document {
     pub scene: Scene,
     /// Index of the light that the light panel edits; see [`Self::chosen_light`].
     pub chosen: usize,
-    /// Initial camera of the document, which the reset command restores.
+    /// Initial camera of the open volume, which the command to reset the camera restores.
     pub home: Camera,
     /// Whether exported picture files have a transparent background.
     pub transparent: bool,
 }
 
 impl Document {
-    /// Creates a viewer document from an opened volume, its initial settings, and the two shadow methods of a split
-    /// view.
+    /// Combines an opened volume with its initial settings and the two shadow methods of a split view.
     pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodSpec; 2]) -> Self {
         let tf = Arc::new(begin.tf);
         Self {
@@ -85,7 +84,8 @@ impl Document {
         }
     }
 
-    /// Replaces the volume after its strands were voxelised again; all other settings of the document stay.
+    /// Replaces the open volume after its strands were voxelised again; transfer function, scene and all other
+    /// settings stay.
     pub fn take_voxels(&mut self, opened: OpenedVolume) {
         self.spec = opened.spec;
         self.volume = opened.volume;
@@ -109,10 +109,10 @@ impl Document {
         }
     }
 
-    /// Applies an edit to the transfer function of the document. Successive edits of one kind form one undo step.
+    /// Applies an edit to the transfer function of the open volume. Successive edits of one kind form one undo step.
     ///
     /// # Errors
-    /// An edited function that no file can store.
+    /// An edited transfer function that no file can store.
     pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
         let tf = Arc::new(apply(&self.tf, edit)?);
         if tf != self.tf {
@@ -122,7 +122,8 @@ impl Document {
         Ok(())
     }
 
-    /// Replaces the transfer function of the document as one undo step; clip planes and label rules stay.
+    /// Replaces the transfer function of the open volume as one undo step. Clip planes and visibility rules of
+    /// segmentation labels stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
         self.set_tf(with_masks_of(tf, &self.tf), true);
         self.tf_source = (source, Arc::clone(&self.tf));
@@ -134,14 +135,14 @@ impl Document {
         !self.tf.is_same_function(&self.tf_source.1)
     }
 
-    /// Sets the clip planes of the document. If `begins` is set, records an undo step.
+    /// Sets the clip planes of the open volume. If `begins` is set, records an undo step.
     pub fn set_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
         if clip != self.tf.clip {
             self.set_tf(TransferFunction { clip, ..(*self.tf).clone() }, begins);
         }
     }
 
-    /// Hides exactly these segmentation labels and shows all others, as one undo step.
+    /// Hides these segmentation labels of the open volume and shows all others, as one undo step.
     pub fn hide_labels(&mut self, labels: Vec<u32>) {
         let mut rules: Vec<LabelRule> =
             self.tf.rules.iter().filter(|rule| rule.visibility != LabelVisibility::Hidden).cloned().collect();
@@ -151,7 +152,8 @@ impl Document {
         self.set_tf(TransferFunction { rules, ..(*self.tf).clone() }, true);
     }
 
-    /// Replaces the transfer function with its clip planes and label rules. If `begins` is set, records an undo step.
+    /// Replaces the transfer function together with its clip planes and segmentation label rules. If `begins` is set,
+    /// records an undo step.
     fn set_tf(&mut self, tf: TransferFunction, begins: bool) {
         let tf = Arc::new(tf);
         if begins {
@@ -160,7 +162,8 @@ impl Document {
         self.tf = tf;
     }
 
-    /// Returns the masks of the document as command-line flags: segmentation, hidden labels and clip planes.
+    /// Returns the command-line flags that limit the visible part of the open volume: segmentation, hidden labels and
+    /// clip planes.
     pub fn part_flags(&self) -> MaskFlags {
         let hidden = self.tf.rules.iter().filter(|rule| rule.visibility == LabelVisibility::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
@@ -171,14 +174,14 @@ impl Document {
         }
     }
 
-    /// Centre and radius of the bounding sphere of the volume, world mm.
+    /// Centre and radius of the bounding sphere of the open volume, world mm.
     pub fn bounding_sphere(&self) -> (DVec3, f64) {
         let corners = self.volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
         (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
     }
 
-    /// Fits the camera to the visible part of the volume, from the current view direction.
+    /// Fits the camera to the visible part of the open volume, from the current view direction.
     pub fn frame_visible(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
         let bounds = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
@@ -186,7 +189,7 @@ impl Document {
         self.scene.camera = bounds.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }
 
-    /// Index of the light that the light panel edits, limited to the last light of the scene.
+    /// Index of the light that the light panel edits; at most the index of the scene's last light.
     pub fn chosen_light(&self) -> usize {
         self.chosen.min(self.scene.lights.len().saturating_sub(1))
     }
@@ -205,8 +208,8 @@ impl Document {
         &mut self.scene.lights[place]
     }
 
-    /// Adds a white directional light and selects it. Its direction is that of the edited light, rotated by 120
-    /// degrees about the picture's up axis. Does nothing at the maximum number of lights.
+    /// Adds a white directional light to the scene and selects it. Its direction is that of the edited light, rotated
+    /// by 120 degrees about the picture's up axis. Does nothing at the maximum number of lights.
     pub fn add_light(&mut self) {
         if self.scene.lights.len() >= Scene::MOST_LIGHTS {
             return;
@@ -222,7 +225,7 @@ impl Document {
         self.chosen = self.scene.lights.len() - 1;
     }
 
-    /// Removes the light that the light panel edits, unless it is the only one.
+    /// Removes the light that the light panel edits from the scene, unless it is the only one.
     pub fn remove_light(&mut self) {
         if self.scene.lights.len() > 1 {
             let place = self.chosen_light();
@@ -231,8 +234,8 @@ impl Document {
         }
     }
 
-    /// Returns the document as the text of a scene file for `--scene`. `tf` is the preset name or path of its
-    /// transfer function.
+    /// Returns the name of the open volume and all its settings as the text of a scene file for `--scene`. `tf` is
+    /// the preset name or path of the transfer function.
     ///
     /// # Errors
     /// See [`SceneSettings::to_toml`].
@@ -251,7 +254,8 @@ impl Document {
         settings.to_toml()
     }
 
-    /// Writes the document as a scene file. An edited transfer function is written to a `.json` file beside it.
+    /// Writes a scene file with the name of the open volume and all its settings. An edited transfer function is
+    /// written to a `.json` file beside it.
     ///
     /// # Errors
     /// One of the files cannot be written.
@@ -268,7 +272,7 @@ impl Document {
     }
 }
 
-/// Copies clip planes and rules for segmentation labels from the transfer function `before` to `tf`.
+/// Copies clip planes and visibility rules of segmentation labels from the transfer function `before` to `tf`.
 fn with_masks_of(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
     let mut rules = before.rules.clone();
     for rule in &mut rules {

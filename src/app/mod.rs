@@ -2,12 +2,13 @@
 //! rendering code.
 //!
 //! ```text
-//!  input ──> Model (document: volume, transfer function, method, scene) ──> FrameRequest ──> RenderThread
+//!  input ──> Model (Document: volume, transfer function, method, scene) ──> FrameRequest ──> RenderThread
 //!              ^                                                                                   │
 //!              └── panels  <── App <── Event (frame, probe, export) <──────────────────────────────┘
 //! ```
-//! The window's thread draws widgets and the last finished picture, and never waits: reading, tables, maps and
-//! pictures run on other threads. The device is shared, so a picture is shown without a copy.
+//! The window's thread draws widgets and the last finished picture, and never waits: other threads read volumes,
+//! compute lookup tables and shadow maps, and render pictures. All share one graphics device, so a picture is shown
+//! without a copy.
 //!
 //! Imports go one way: `window` imports `contents`, that imports `panels` and `model`, and panels import the model.
 

@@ -1,4 +1,5 @@
-//! State shared by the panels of the viewer window: the open document, and the requests to background threads.
+//! State that the panels of the viewer window share: the open volume with its settings, and requests to background
+//! threads.
 
 use super::camera;
 use super::curve::Edit;
@@ -25,7 +26,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Time after which a note in the viewer window disappears. Errors stay.
+/// Time for which a note stays in the viewer window. Error messages stay until the user closes them.
 const NOTE_TIME: Duration = Duration::from_secs(8);
 /// Maximum number of messages shown at once in the viewer window.
 const MAX_MESSAGES: usize = 5;
@@ -33,26 +34,27 @@ const MAX_MESSAGES: usize = 5;
 /// Message to the user, shown at the bottom of the picture: an error or a note.
 #[derive(Debug, Clone)]
 pub struct Message {
-    /// Text of the message to the user.
+    /// Text of a message that the viewer window shows to the user.
     pub text: String,
-    /// Advice on how to correct the error that the message reports, if any.
+    /// Advice on how to correct the error that a message in the viewer window reports, if any.
     pub hint: Option<String>,
-    /// Whether the message is an error. Errors stay on screen until the user closes them; notes disappear.
+    /// Whether a message in the viewer window is an error. Errors stay on screen until the user closes them; notes
+    /// disappear.
     pub is_error: bool,
     since: Instant,
 }
 
 /// Progress of the picture export that is running.
 pub struct Exporting {
-    /// Path of the picture file that the export writes.
+    /// Path of the picture file that is being exported.
     pub path: String,
     /// Completed fraction of the picture export, 0 to 1.
     pub share: f32,
 }
 
-/// State shared by the panels of the viewer window: the open document, results of background threads, and messages.
+/// State that the panels of the viewer window share: the open volume, results of background threads, and messages.
 pub struct Model {
-    /// Handle of the render thread, which renders pictures and runs probes, exports and other jobs.
+    /// Handle of the render thread, which renders pictures, computes transmittance curves and exports picture files.
     pub thread: RenderThread,
     /// Callback by which a background thread wakes the viewer window when it has a result.
     pub wake: Wake,
@@ -61,7 +63,7 @@ pub struct Model {
     loss: DeviceLoss,
     /// User settings of the viewer window, saved between sessions.
     pub settings: Settings,
-    /// Document of the viewer: the open volume with its settings; `None` before a volume is opened.
+    /// Open volume with its settings; `None` before a volume is opened.
     pub document: Option<Document>,
     /// Background task that reads a volume; `None` if no volume is being read.
     pub reading: Option<ReadTask>,
@@ -71,25 +73,27 @@ pub struct Model {
     pub frame: Option<Frame>,
     /// Settings of the last requested picture, used to skip a request for an identical picture.
     pub requested: Option<FrameSettings>,
-    /// Whether the picture on screen has full quality and belongs to the last request.
+    /// Whether the picture on screen has full quality and belongs to the last picture request.
     pub settled: bool,
     /// Division of the picture between two shadow methods: split line or flicker.
     pub split: Split,
-    /// Last result of the probe: transmittance curves along the light ray through the point that the user clicked.
+    /// Last result of the probe: transmittance curves along the light ray through a point that the user clicked.
     pub probe: Option<ProbeResult>,
-    /// Settings of the picture at the last probe request, used to update the probe after a change.
+    /// Settings of the picture at the last request for transmittance curves (probe). The curves are updated if the
+    /// settings differ.
     probed: Option<FrameSettings>,
-    /// Light for which the probe was requested last.
+    /// Light for which transmittance curves (probe) were requested last.
     probed_light: Option<Light>,
     /// Errors and notes shown to the user at the bottom of the picture.
     pub messages: Vec<Message>,
     /// Rectangle of the window in which the picture is shown, screen points; `None` before the first frame.
     pub view: Option<Rect>,
-    /// Number of the last picture request. Each request has a larger number than the one before.
+    /// Index of the last picture request; it grows by one with each request.
     revision: u64,
     /// Number of pictures received from the render thread since the start.
     pub frames: u64,
-    /// Number of edits since the start that did not alter the picture, because no voxel has the edited values.
+    /// Number of edits since the start that did not alter the picture, e.g. because no voxel has the edited scalar
+    /// values.
     pub unchanged: u64,
 }
 
@@ -143,7 +147,7 @@ impl Model {
         }
     }
 
-    /// Tells the user whether a file was saved.
+    /// Shows a note that a file was saved, or the error that prevented it.
     fn report_saved(&mut self, path: &Path, outcome: Result<()>) {
         match outcome {
             Ok(()) => self.note(format!("saved {}", path.display())),
@@ -158,15 +162,14 @@ impl Model {
 
     // Document.
 
-    /// Applies an edit to the transfer function of the open document. Successive edits of one kind form one undo
-    /// step.
+    /// Applies an edit to the transfer function of the open volume. Successive edits of one kind form one undo step.
     pub fn edit(&mut self, edit: Edit) {
         if let Some(Err(why)) = self.document.as_mut().map(|d| d.edit(edit)) {
             self.note(why);
         }
     }
 
-    /// Loads a transfer function by preset name or file path into the open document.
+    /// Loads a transfer function for the open volume, by preset name or file path.
     pub fn load_tf(&mut self, name_or_path: &str) {
         let Some(document) = &mut self.document else {
             return self.note("open a volume before a transfer function");
@@ -180,7 +183,7 @@ impl Model {
         }
     }
 
-    /// Writes the transfer function of the open document to a file.
+    /// Writes the transfer function of the open volume to a file.
     pub fn save_tf(&mut self, path: &Path) {
         let Some(document) = &mut self.document else { return };
         let outcome = document.tf.write(path);
@@ -192,14 +195,15 @@ impl Model {
         self.report_saved(path, outcome);
     }
 
-    /// Writes the open document as a scene file, which the command line reads with `--scene`.
+    /// Writes a scene file with the name of the open volume and all its settings. The command line reads it with
+    /// `--scene`.
     pub fn save_scene(&mut self, path: &Path) {
         let Some(document) = &self.document else { return };
         let outcome = document.write_scene(path);
         self.report_saved(path, outcome);
     }
 
-    /// Undoes the last edit of the transfer function of the open document.
+    /// Undoes the last edit of the transfer function of the open volume.
     pub fn undo(&mut self) {
         if let Some(document) = &mut self.document {
             document.history.undo(&mut document.tf);
@@ -220,7 +224,7 @@ impl Model {
         }
     }
 
-    /// Restores the camera that the document had when the volume was opened.
+    /// Restores the camera that the open volume had at first.
     pub fn reset_camera(&mut self) {
         if let Some(document) = &mut self.document {
             document.scene.camera = document.home;
@@ -229,7 +233,7 @@ impl Model {
 
     // Opening of volumes.
 
-    /// Starts to read a volume in the background. The open document stays until the new volume is ready.
+    /// Starts to read a volume in the background. The open volume stays until the new one is ready.
     pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
         match ReadTask::start(spec, with, Arc::clone(&self.wake)) {
             Ok(reading) => self.reading = Some(reading),
@@ -263,7 +267,8 @@ impl Model {
         self.reading.as_ref().map(|o| Arc::clone(&o.loading))
     }
 
-    /// Checks whether the background task has read the volume, and sends the volume to the render thread for upload.
+    /// Checks whether the background task has finished reading a volume, and sends that volume to the render thread
+    /// for upload.
     pub fn take_reading(&mut self) {
         let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
@@ -273,14 +278,14 @@ impl Model {
         }
     }
 
-    /// Continues with the document of a lost graphics device: uploads its volume to the new device.
+    /// Continues after a loss of the graphics device: uploads the volume that was open to the new device.
     pub fn resume(&mut self, document: Document) {
         self.thread.push(Job::Upload(Box::new(document.opened())));
         self.document = Some(document);
     }
 
-    /// Makes a volume that the render thread uploaded the open document. Returns `false` if the volume must be read
-    /// again.
+    /// Makes a volume the open one after the render thread has uploaded it. Returns `false` if the volume must be
+    /// read again.
     pub fn take_volume(&mut self, mut opened: OpenedVolume) -> bool {
         self.settings.opened(&opened.spec.source);
         let notes = std::mem::take(&mut opened.notes);
@@ -315,8 +320,8 @@ impl Model {
 
     // Render thread.
 
-    /// Whether nothing is pending: the picture on screen is current and at full quality, and no reading or export
-    /// runs.
+    /// Whether the viewer is idle: the picture on screen is current and at full quality, and no volume is read and no
+    /// picture exported.
     pub fn is_settled(&self) -> bool {
         self.reading.is_none() && self.exporting.is_none() && self.settled
     }
@@ -328,13 +333,14 @@ impl Model {
         self.frame = Some(frame);
     }
 
-    /// Handles the message of the render thread that an edit did not alter the picture.
+    /// Handles the render thread's message that the last edit does not alter the picture.
     pub fn take_unchanged(&mut self, revision: u64) {
         self.unchanged += 1;
         self.settled = revision == self.revision;
     }
 
-    /// Requests the export of a picture file of the given width and height, pixels, with or without background.
+    /// Requests the export of the picture to a file of the given width and height, pixels, with or without
+    /// background.
     pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
         if let Err(e) = check_output(path, PICTURE_EXTENSIONS) {
@@ -380,8 +386,7 @@ impl Model {
         }));
     }
 
-    /// Requests a picture of the open document from the render thread, unless the last request had identical
-    /// settings.
+    /// Requests a picture of the open volume from the render thread, unless the last request had identical settings.
     pub fn ask(&mut self) {
         let Some(document) = &self.document else { return };
         let other = self.split.share.map(|_| &document.other);
@@ -413,14 +418,14 @@ impl Model {
         }
     }
 
-    /// Side of the split view that is shown now while two pictures alternate (0 left, 1 right), and the time until
-    /// the next change, s.
+    /// Side of the split view that flicker shows now (0 left, 1 right), and the time until it shows the other side,
+    /// s. `None` without flicker.
     pub fn flicker(&self, context: &egui::Context) -> Option<(usize, f64)> {
         self.frame.as_ref()?.other.as_ref()?;
         self.split.flicker_at(context.input(|i| i.time), self.settings.flicker_hz)
     }
 
-    /// Removes notes that were shown long enough. Errors stay until the user closes them.
+    /// Removes notes that have been long enough in the viewer window. Error messages stay until the user closes them.
     pub fn forget_notes(&mut self) {
         self.messages.retain(|m| m.is_error || m.since.elapsed() < NOTE_TIME);
     }

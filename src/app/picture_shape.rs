@@ -1,4 +1,4 @@
-//! Shape for the user interface that paints a rendered picture: the renderer's texture, scaled to a rectangle.
+//! egui shape that paints a rendered picture: the renderer's texture, scaled to a rectangle.
 
 use crate::render::DisplayTexture;
 use eframe::egui::{Color32, Rect, Shape, TextureId, pos2};
@@ -7,7 +7,7 @@ use eframe::wgpu::FilterMode;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Place in the viewer window where a rendered picture is shown. Each place has its own egui texture id.
+/// Location in the viewer window where a rendered picture is shown. Each location has its own egui texture id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place {
     /// Picture of the left (0) or right (1) shadow method in the split view.
@@ -16,7 +16,7 @@ pub enum Place {
     Preset(usize),
 }
 
-/// Textures and egui texture ids by their place in the window. They are stored in egui's renderer.
+/// Rendered textures and their egui texture ids, by location in the viewer window. egui's renderer stores them.
 #[derive(Default)]
 struct Registered(HashMap<Place, (Arc<DisplayTexture>, TextureId)>);
 

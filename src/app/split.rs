@@ -31,7 +31,8 @@ impl Split {
         }
     }
 
-    /// Returns the split view with flicker turned off, because the clock of another window differs.
+    /// Returns the split view with flicker turned off, because the flicker's start time has no meaning for the clock
+    /// of another window.
     #[must_use]
     pub fn without_flicker(self) -> Self {
         Self { flicker_since_s: None, ..self }
@@ -42,8 +43,8 @@ impl Split {
         self.flicker_since_s.is_some()
     }
 
-    /// Index of the picture that flicker shows at a time (0 left, 1 right), and the time until it changes, s. `None`
-    /// if flicker is off.
+    /// Index of the picture that flicker shows at a given time (0 left, 1 right), and the time until the other
+    /// picture is shown, s. `None` if flicker is off.
     pub fn flicker_at(&self, now_s: f64, rate_hz: f64) -> Option<(usize, f64)> {
         self.share?;
         let changes = ((now_s - self.flicker_since_s?) * rate_hz).max(0.0);

@@ -9,10 +9,10 @@ use crate::error::Error;
 use crate::gpu::{Gpu, Sharing, Uncaptured};
 use eframe::{egui, egui_wgpu::SurfaceConfig};
 
-/// Number of successive failed frames after which the failure of the window's surface is reported.
+/// Number of successive failed window frames after which the failure of the window's wgpu surface is reported.
 const MAX_FAILURES: u32 = 30;
 
-/// Reconfigures the wgpu surface until it has the size of the window.
+/// Handler that reconfigures the wgpu surface of the viewer window until the surface has the size of the window.
 pub struct Surface {
     sharing: Sharing,
     adapter: String,
@@ -24,7 +24,7 @@ pub struct Surface {
 struct Failures(u32);
 
 impl Failures {
-    /// Counts a failed frame of the window. Returns an error to report only once, not for every frame.
+    /// Counts a failed frame of the viewer window. Returns an error to report only once, not for every frame.
     fn count(&mut self, error: Uncaptured) -> Option<String> {
         self.0 = self.0.saturating_add(1);
         ((error.out_of_memory && self.0 == 1) || self.0 == MAX_FAILURES).then_some(error.why)
@@ -32,14 +32,14 @@ impl Failures {
 }
 
 impl Surface {
-    /// Creates the surface handler for a graphics device.
+    /// Creates the handler of the window's wgpu surface on a graphics device.
     pub fn of(gpu: &Gpu) -> Self {
         let (sharing, adapter) = (gpu.sharing.clone(), gpu.info.name.clone());
         Self { sharing, adapter, failures: Failures::default() }
     }
 
-    /// Checks whether the last frame of the window failed on the device, before the next one is drawn. Returns an
-    /// error to report.
+    /// Checks whether the last frame of the window failed on the graphics device, before the next frame is drawn.
+    /// Returns an error to report.
     pub fn before_frame(&mut self, context: &egui::Context, frame: &mut eframe::Frame) -> Option<Error> {
         let Some(error) = self.sharing.take_error() else {
             self.failures.0 = 0;
@@ -63,8 +63,8 @@ impl Surface {
     }
 }
 
-/// Surface configuration that is equivalent for wgpu (a latency of 2 is its default) but differs for egui, which then
-/// reconfigures the surface.
+/// Alters a wgpu surface configuration so that egui sees a difference and reconfigures the surface. wgpu treats both
+/// alike, since 2 is its default latency.
 fn changed(config: SurfaceConfig) -> SurfaceConfig {
     let latency = config.desired_maximum_frame_latency;
     SurfaceConfig { desired_maximum_frame_latency: if latency.is_none() { Some(2) } else { None }, ..config }

@@ -61,7 +61,7 @@ pub fn show(context: &egui::Context, dark: bool) {
     context.set_theme(if dark { Theme::Dark } else { Theme::Light });
 }
 
-/// Formats a number like egui, but never as negative zero.
+/// Formats a number in a field of the window as egui does, but never as negative zero.
 fn number(x: f64, decimals: RangeInclusive<usize>) -> String {
     let text = egui::emath::format_with_decimals_in_range(x, decimals);
     match text.strip_prefix('-') {
@@ -100,7 +100,7 @@ fn visuals(theme: Theme) -> Visuals {
     v
 }
 
-/// Blends a translucent colour over another in sRGB values, as the window does.
+/// Blends a translucent colour over a background colour in sRGB values, as egui does in the window.
 pub fn over(color: Color32, back: Color32) -> Color32 {
     back.blend(color)
 }
@@ -142,7 +142,7 @@ mod tests {
         }
     }
 
-    /// Text colours of a theme, each with the background that it is drawn on.
+    /// Text colours of a window theme, each with the background that it is drawn on.
     fn pairs(v: &Visuals) -> Vec<(String, Color32, Color32)> {
         let colors = colors(v);
         let stripe = over(v.faint_bg_color, v.panel_fill);

@@ -20,37 +20,39 @@ pub struct Start {
     pub adapter: Option<String>,
     /// Disables reading and writing of the window's settings file.
     pub clean: bool,
-    /// Hook that runs in every frame of the window, for tests and screenshots.
+    /// Optional callbacks in every frame of the window, for tests and screenshots.
     pub hook: Option<Box<dyn FrameHook>>,
 }
 
-/// Hook into every frame of the viewer window. It can take the place of the user in tests and screenshots.
+/// Callbacks in every frame of the viewer window. They can replace the user in tests and screenshots.
 pub trait FrameHook: Send {
     /// Initial size of the viewer window, screen points. `None` selects the size in the user's settings.
     fn window_size(&self) -> Option<[f32; 2]>;
     /// Adds simulated user input before a frame of the window.
     fn input(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput);
-    /// Runs before the user interface of a frame is built. Returning a result closes the window with that result.
+    /// Called before the user interface of a window frame is built. A returned result closes the window and becomes
+    /// the window's result.
     fn before_frame(&mut self, app: &mut App, frame: &eframe::Frame) -> Option<Result<()>>;
-    /// Runs after all widgets of a frame of the window have been laid out.
+    /// Called after all widgets of a window frame have been laid out.
     fn after_frame(&mut self, context: &egui::Context);
 }
 
 /// Reason why a viewer window ended: closed, or the graphics device was lost.
 enum Ended {
     Closed(Result<()>),
-    /// The graphics device was lost. The document, and the frame hook if any, continue in the next window.
+    /// The graphics device was lost. The open volume, and the frame hook if any, move to the next window.
     Lost(Box<Resume>, Option<Box<dyn FrameHook>>),
 }
 
-/// Minimum time that a graphics device must work. A device lost sooner is not replaced by a new one.
+/// Minimum time between the start and the loss of a graphics device. A device lost sooner is not replaced by a new
+/// one.
 const MIN_LIFETIME: Duration = Duration::from_secs(2);
 /// Number of device losses within `LOSSES_WITHIN` after which the viewer gives up.
 const MAX_LOSSES: usize = 3;
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 
 /// Opens the viewer window and returns when it is closed. After a loss of the graphics device, a new window continues
-/// with the same document.
+/// with the same volume and settings.
 ///
 /// # Errors
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
@@ -77,7 +79,7 @@ pub fn run(start: Start) -> Result<()> {
     }
 }
 
-/// Opens one viewer window with a scene, or with the document of a lost graphics device.
+/// Opens one viewer window with a scene, or with the volume that was open when the graphics device was lost.
 fn open(
     adapter: Option<&str>,
     clean: bool,
@@ -163,7 +165,8 @@ fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
 struct Window {
     app: App,
     surface: Surface,
-    /// Time at which the user settings were written last; `None` with `--clean`, which never writes them.
+    /// Time at which the user settings were written to their file last; `None` with `--clean`, which never writes
+    /// them.
     last_write: Option<Instant>,
     hook: Option<Box<dyn FrameHook>>,
     outcome: Arc<Mutex<Ended>>,

@@ -14,11 +14,12 @@ use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scen
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Sample counts for testing claims of papers: enough points, light rays and depths for a verdict, yet all claims
-/// take only minutes on two cores.
+/// Numbers of repeats, points, light rays and depths for testing claims of papers. They suffice for a verdict, yet
+/// all claims take only minutes on two cores.
 const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check_all: false };
 
-/// Test claims of the shadow methods' papers: what a paper claims, what is measured here, and whether the claim holds
+/// Test claims of the shadow methods' papers by measurement: states each claim, the measured value, and whether the
+/// claim holds
 #[derive(Debug, Args)]
 pub struct ClaimsArgs {
     #[command(flatten)]
@@ -88,12 +89,12 @@ fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
     Ok(given)
 }
 
-/// Built-in scene of a given name, unless a scene file on the command line has that name.
+/// Built-in test scene with this name; `None` if a scene file on the command line has the same name.
 fn stand_in(name: &str, given: &[(String, SceneSettings)]) -> Option<&'static StandIn> {
     STAND_INS.iter().find(|s| s.name == name && given.iter().all(|(other, _)| other != name))
 }
 
-/// Settings of a scene file on the command line, or of a built-in scene, by its name.
+/// Returns the settings of the scene with this name: of a scene file on the command line, or of a built-in scene.
 fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSettings> {
     if let Some((_, settings)) = given.iter().find(|(n, _)| n == name) {
         return Ok(settings.clone());

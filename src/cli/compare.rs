@@ -40,22 +40,21 @@ pub struct CompareArgs {
     /// Remove all files of an earlier comparison from DIR, and no others, and start again
     #[arg(long)]
     pub overwrite: bool,
-    /// Shadow methods separated by `;`. A value without `=` is another value of the setting before it; each
-    /// combination of values becomes a table row
+    /// Shadow methods separated by `;`, each with settings such as dsm:map=256,512. Several values of a setting give
+    /// several table rows, one per combination
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
-    /// Also search the settings of each method of --methods for its smallest errors within a budget of memory, or of
-    /// build plus frame time in ms, and add them as table rows: bytes=2MiB,8MiB or ms=50; may be given several times
+    /// Also find, for each method of --methods, the settings with the smallest errors within a budget of memory
+    /// (bytes=2MiB,8MiB) or of build plus frame time (ms=50), and add them as table rows; may be given several times
     #[arg(long, value_name = "BUDGET")]
     pub budget: Vec<String>,
-    /// Measure the effect of each optimization that skips work: times and memory with that work done
+    /// Also measure times and memory with each optimization (such as skipping empty space) turned off
     #[arg(long)]
     pub ablate: bool,
     /// Also measure each light of a scene with several lights alone, as a separate scene
     #[arg(long)]
     pub each_light: bool,
-    /// Measure only shard I of the table's rows divided into N shards, I from 1 to N; `umbravox merge` combines the
-    /// shards
+    /// Measure only part I of N (a shard) of the table's rows, I from 1 to N; `umbravox merge` combines the shards
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
     #[command(flatten)]
@@ -76,8 +75,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
-    /// Light rays to test: a sample (--rays), or all: the ray of every shadow map texel, also at the depths of all
-    /// curve nodes
+    /// Light rays to test: sample (as many as --rays), or all (the ray of every shadow map texel, also at the depths
+    /// of all curve nodes)
     #[arg(long, value_enum, default_value_t = Checked::Sample)]
     pub check: Checked,
 }
@@ -183,8 +182,8 @@ pub fn run(args: CompareArgs) -> Result<()> {
     publish(made, &output, &args.output, &layout)
 }
 
-/// Measures the rows of the comparison table, with progress on the terminal. An interrupt (Ctrl-C) stops it between
-/// two steps.
+/// Measures the rows of the table that compares shadow methods, with progress on the terminal. An interrupt (Ctrl-C)
+/// stops it between two measurements.
 fn measure_rows(
     run: &Run,
     budgets: &[Budget],
@@ -215,7 +214,8 @@ fn measure_rows(
     made
 }
 
-/// Progress bar of a comparison, which stops at an interrupt between two steps.
+/// Progress bar of a comparison of shadow methods. After an interrupt (Ctrl-C), the comparison ends with the current
+/// measurement.
 struct Bar<'a> {
     bar: &'a ProgressBar,
     interrupt: &'a Interrupt,
@@ -231,14 +231,15 @@ impl Watch for Bar<'_> {
     }
 }
 
-/// Error of an interrupted comparison: states how many rows are finished and how to resume.
+/// Error that ends an interrupted comparison of shadow methods: states how many table rows are finished and how to
+/// resume.
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
     let why = format!("{} of {count} rows are finished and recorded", journal.recorded().min(count));
     Error::runtime("interrupted", folder.display(), why).hint("the same command line with --resume continues")
 }
 
-/// Parses the budgets of `--budget` and removes repetitions.
+/// Parses the budgets of memory or time given with `--budget` and removes duplicates.
 fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     let parse = |text: &String| Budget::parse_list(text).map_err(|e| e.at("--budget"));
     let all = texts.iter().map(parse).collect::<Result<Vec<_>>>()?.concat();
@@ -246,8 +247,8 @@ fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     Ok(all.iter().enumerate().filter(is_first).map(|(_, budget)| *budget).collect())
 }
 
-/// Reads every scene before the measurements, so that an error in the last scene is found at once. Returns the record
-/// of each scene, and the first scene with its volume.
+/// Reads all scenes of a comparison before the first measurement, so that an error in the last scene is found at
+/// once. Returns the record of each scene, and the first scene with its volume.
 fn read_all(
     scenes: Vec<SceneSettings>,
     paths: &[PathBuf],
@@ -284,7 +285,7 @@ fn read_all(
     Ok((recorded, first.ok_or_else(none)?))
 }
 
-/// Writes the files of a finished comparison, prints its table, and lists the files.
+/// Writes the files of a finished comparison of shadow methods, prints its table, and lists the files.
 fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Result<()> {
     let all = &made.comparison;
     all.notes.iter().for_each(|note| print_message("note", note));
@@ -310,7 +311,7 @@ fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Res
     verdict(&rows, folder)
 }
 
-/// Lists the files that a comparison wrote on stderr.
+/// Prints to stderr the names of the files that a comparison of shadow methods wrote.
 pub fn list_files(files: &Files) {
     files.remarks.iter().for_each(|remark| print_message("note", remark));
     let report = [files.report.clone()];
@@ -325,8 +326,8 @@ pub fn list_files(files: &Files) {
     }
 }
 
-/// Graphics adapter that the scene files name. Fails if they name different ones, since times on several adapters are
-/// not comparable.
+/// Graphics adapter that the scene files select. Fails if they select different ones, since times measured on
+/// different adapters are not comparable.
 fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
     let mut named = requests.iter().map(|request| &request.run.adapter);
     let first = named.next().cloned().flatten();
@@ -338,7 +339,8 @@ fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
     Ok(first)
 }
 
-/// Fails if a row of the comparison table failed, with the reason of the first failed row.
+/// Fails if the measurement of a row of the comparison table failed; the error states the reason for the first such
+/// row.
 fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
     let mut failed = rows.iter().filter(|r| r.has_failed()).peekable();
     let Some(first) = failed.peek() else { return Ok(()) };
@@ -353,7 +355,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// Makes a scene name unique: appends a number if another scene has that name, or its files would have the same
+/// Makes a scene name unique: appends a number if another scene has this name, or a name that leads to the same file
 /// names.
 fn unused_name(name: String, used: &[String]) -> String {
     let taken = |name: &str| used.iter().any(|u| file_name_part(u) == file_name_part(name));

@@ -13,7 +13,7 @@ use crate::shadow::Method;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// File extensions of the pictures or the animation of a rotation.
+/// File extensions for the pictures or the animation of a camera or light rotation.
 const EXTENSIONS: &[&str] = &["png", "exr", "npy", "apng", "gif"];
 
 /// Default number of frames per second of an animation file.
@@ -47,7 +47,8 @@ fn fps(text: &str) -> Result<f64, String> {
 }
 
 impl FrameFlags {
-    /// Returns the rotation that the flags request, with its output file; `None` for a single picture.
+    /// Returns the turntable or light sweep animation that the flags request, with its output file; `None` for a
+    /// single picture.
     ///
     /// # Errors
     /// `--fps` without an animation, or an output that cannot be written.
@@ -71,7 +72,8 @@ impl FrameFlags {
     }
 }
 
-/// Planned full rotation of the camera or the lights in equal steps, with its output file.
+/// Planned turntable or light sweep: a full rotation of the camera or the lights in equal steps, with its output
+/// file.
 #[derive(Debug, Clone)]
 pub struct RotationPlan {
     rotation: Rotation,
@@ -89,7 +91,7 @@ impl RotationPlan {
         check_backdrop(&self.output, backdrop)
     }
 
-    /// Path of a numbered picture of a rotation: `DIR/frame_0000.png` for `DIR/frame.png`.
+    /// Path of a numbered picture of a turntable or light sweep: `DIR/frame_0000.png` for `DIR/frame.png`.
     fn frame_path(&self, number: u32) -> PathBuf {
         let mut name = self.output.file_stem().unwrap_or_default().to_owned();
         name.push(format!("_{number:04}."));
@@ -98,7 +100,8 @@ impl RotationPlan {
     }
 }
 
-/// Record of one picture of a rotation for `render --json`: file, angle, times and reuse of shadow maps.
+/// Record of one picture of a turntable or light sweep for `render --json`: file, angle, times and reuse of shadow
+/// maps.
 #[derive(Debug, serde::Serialize)]
 pub struct FrameRecord {
     /// Path of the picture file; `None` if all pictures are in one animation file.
@@ -113,7 +116,7 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// Summary of all pictures of a rotation: shadow maps built and reused, and total times.
+    /// Summary text of a turntable or light sweep: numbers of shadow maps built and reused, and total times.
     pub fn summary(frames: &[Self]) -> String {
         let sum = |of: fn(&Self) -> usize| frames.iter().map(of).sum::<usize>();
         let ms = |of: fn(&Self) -> f64| frames.iter().map(of).sum::<f64>();
@@ -129,7 +132,7 @@ impl FrameRecord {
     }
 }
 
-/// Renders the pictures of a rotation and writes them to files.
+/// Renders the pictures of a turntable or light sweep and writes them to files.
 pub struct RotationWriter<'a> {
     pub plan: &'a RotationPlan,
     pub backdrop: Backdrop,
@@ -138,8 +141,8 @@ pub struct RotationWriter<'a> {
 }
 
 impl RotationWriter<'_> {
-    /// Renders and writes all pictures of a rotation. Each file is written completely or not at all. Returns the
-    /// result of `on_first` for the first picture, and a record of each picture.
+    /// Renders and writes all pictures of a turntable or light sweep. Each file is written completely or not at all.
+    /// Returns the result of `on_first` for the first picture, and a record of each picture.
     ///
     /// # Errors
     /// A picture that cannot be drawn; a file that cannot be written; an interruption between two pictures.
@@ -212,7 +215,7 @@ impl RotationWriter<'_> {
         Ok((first.ok_or_else(none)?, frames))
     }
 
-    /// Warns if a further numbered picture exists, which an earlier, longer rotation left behind.
+    /// Warns if the output folder has a further numbered picture that an earlier, longer rotation left behind.
     fn warn_of_others(&self) {
         let next = self.plan.frame_path(self.plan.count);
         if next.exists() {

@@ -8,16 +8,17 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 static COUNT: AtomicU32 = AtomicU32::new(0);
 static HANDLER: OnceLock<Result<(), String>> = OnceLock::new();
-/// Message to the user on what happens to finished work when an interrupt ends the command between two steps.
+/// Message that tells the user what happens to finished results, such as pictures or table rows, when an interrupt
+/// ends the command.
 static OUTCOME: OnceLock<&str> = OnceLock::new();
 
-/// Interrupt handling of a command: the first interrupt ends it between two steps, and a second one ends the program
-/// at once.
+/// Interrupt handling of a command: the first interrupt (Ctrl-C) ends the command after its current step; a second
+/// one ends the program at once.
 pub struct Interrupt(());
 
 impl Interrupt {
-    /// Makes the command end between two steps at an interrupt. `outcome` tells the user what happens to finished
-    /// work.
+    /// Makes an interrupt (Ctrl-C) end the command after its current step. `outcome` tells the user what happens to
+    /// finished results.
     pub fn between_steps(outcome: &'static str) -> Self {
         // A command sets one outcome; a second call has no effect.
         let _ = OUTCOME.set(outcome);
@@ -53,7 +54,8 @@ pub fn listen() -> Result<()> {
 mod system {
     use nix::sys::signal::{SigHandler, Signal, raise, signal};
 
-    /// Installs a signal handler. Signals stay ignored if `nohup` or a shell's background job already ignores them.
+    /// Installs a handler of interrupt signals. Signals that `nohup` or a shell's background job already ignores stay
+    /// ignored.
     pub fn set_handler(handler: impl FnMut() + Send + 'static) -> Result<(), ctrlc::Error> {
         let handled = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
         // SAFETY: an ignored signal runs no code.
@@ -67,7 +69,7 @@ mod system {
         set
     }
 
-    /// Ends the program by raising SIGINT itself, so that a calling shell also ends its loop.
+    /// Ends the program by raising SIGINT itself, so that a shell loop that calls the program also ends.
     pub fn end() -> ! {
         // SAFETY: the default handler runs no code of the program.
         let _ = unsafe { signal(Signal::SIGINT, SigHandler::SigDfl) }.and_then(|_| raise(Signal::SIGINT));

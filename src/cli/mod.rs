@@ -108,7 +108,7 @@ fn run(command: Command, window: Window) -> Result<()> {
     }
 }
 
-/// Name of the command in a command line that clap rejected, for the hint of the error.
+/// Name of the command in a command line that the parser clap rejected; the error's hint names it.
 fn named_command(args: &[OsString]) -> Option<String> {
     let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
     args.iter().skip(1).find_map(named)

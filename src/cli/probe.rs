@@ -30,12 +30,13 @@ pub struct ProbeArgs {
     pub header: bool,
 }
 
-/// Returns the line of column names that `--header` requests, or an empty text.
+/// Returns the line of column names for the output of `probe` if `--header` requests it, or an empty text.
 fn header(requested: bool, columns: &str) -> String {
     if requested || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
-/// Flags that select what `probe` prints: exactly one of segments, points or a curve.
+/// Flags that select the output of `probe`: exactly one of optical depths of segments, transmittance at points, or a
+/// transmittance curve.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub struct What {

@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Extensions of the output files of `probe --curve`. Any other name is a folder for all of them.
+/// Extensions of the output files of `probe --curve`. A name without extension is a folder for one file of each type.
 const ENDINGS: &[&str] = &["csv", "svg", "png", "pdf"];
 
 /// JSON output of `probe --curve`: the exact transmittance curve and those of the shadow methods.
@@ -77,8 +77,8 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &Cu
     }
 }
 
-/// Output files of the transmittance curves, with their extensions. They are checked before any computation. Empty
-/// for output to stdout.
+/// Output files of `probe --curve` for the transmittance curves, with their extensions. The files are validated
+/// before any computation. Empty for output to stdout.
 fn files(output: Option<&Path>) -> Result<Vec<(PathBuf, &'static str)>> {
     let Some(path) = output else { return Ok(Vec::new()) };
     // A name with another extension is more likely an unknown format than a folder.
@@ -90,7 +90,8 @@ fn files(output: Option<&Path>) -> Result<Vec<(PathBuf, &'static str)>> {
     Ok(ENDINGS.iter().map(|ending| (path.join(format!("curve.{ending}")), *ending)).collect())
 }
 
-/// Text summary of a light ray, and of the largest transmittance error of each shadow method along it.
+/// Text summary of the light ray of `probe --curve`, with the largest transmittance error of each shadow method along
+/// the ray.
 fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
     let [x, y, z] = curve.origin_mm.to_array();
     let [dx, dy, dz] = curve.direction.to_array();

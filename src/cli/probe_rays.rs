@@ -42,10 +42,10 @@ pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
     Ok(rows.into_iter().map(DVec3::from_array).collect())
 }
 
-/// Limit on the magnitude of coordinates, from which the lengths of segments overflow.
+/// Limit on the magnitude of input coordinates. Beyond it, the length of a segment could overflow.
 const MAX_COORDINATE: f64 = 1e300;
 
-/// Parses lines of `N` numbers separated by white space. Blank lines are ignored.
+/// Parses lines of `N` numbers separated by white space, from an input file of `probe`. Blank lines are ignored.
 fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
     let lines = (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty());
     let row = |(line, content): (usize, &str)| {

@@ -13,8 +13,8 @@ use clap::Args;
 pub struct StabilityArgs {
     #[command(flatten)]
     table: TableFlags,
-    /// Shadow methods separated by `;`. A value without `=` is another value of the setting before it; each
-    /// combination of values becomes a table row
+    /// Shadow methods separated by `;`, each with settings such as dsm:map=256,512. Several values of a setting give
+    /// several table rows, one per combination
     #[arg(long, value_name = "METHODS", default_value_t = STABILITY.clone())]
     pub methods: String,
     /// Names of the test cases, separated by commas [default: all]
@@ -45,7 +45,8 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     verdict(&rows, &args.table.output.join("stability.csv").display())
 }
 
-/// Selects test cases by name, in the order of the list of all cases. Selects all if no name is given.
+/// Selects cases of the stability test by name, in the order of the full list of cases. Selects all if no name is
+/// given.
 fn pick<'a>(every: &'a [Case], names: &[String]) -> Result<Vec<&'a Case>> {
     if let Some(unknown) = names.iter().find(|n| !every.iter().any(|c| c.name == **n)) {
         let known: Vec<_> = every.iter().map(|c| c.name.as_str()).collect();

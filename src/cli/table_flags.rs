@@ -29,8 +29,8 @@ pub struct TableFlags {
 }
 
 impl TableFlags {
-    /// Checks that the output folder can take the table of this name. Fails if an earlier table is there and
-    /// `--overwrite` is not set.
+    /// Fails if the output folder cannot be used, or if it holds an earlier table of this name and `--overwrite` is
+    /// not set.
     ///
     /// # Errors
     /// The folder cannot be used, or an earlier table is there.
@@ -39,7 +39,8 @@ impl TableFlags {
         if self.overwrite { Ok(()) } else { check_no_table(&self.output, &format!("{name}.csv")) }
     }
 
-    /// Opens the graphics device, then creates the output folder. A rejected input therefore leaves no empty folder.
+    /// Opens the graphics device, and only then creates the output folder. If the device cannot be opened, no empty
+    /// folder is left behind.
     ///
     /// # Errors
     /// The device cannot be opened, or the folder cannot be created.
@@ -49,7 +50,8 @@ impl TableFlags {
         Ok(Arc::new(renderer))
     }
 
-    /// Writes a table of results as CSV, with its Markdown page. Prints the rows as JSON, or a summary.
+    /// Writes the table of results of `claims` or `stability` as CSV and as a Markdown page. Prints the rows as JSON,
+    /// or `summary`.
     ///
     /// # Errors
     /// A file or stdout cannot be written.

@@ -65,10 +65,10 @@ struct Target {
     /// Format of the output file [default: vp where its name ends in .vp, umbravox otherwise]
     #[arg(long, value_name = "FORMAT", value_parser = written_format())]
     to: Option<&'static TransferFormat>,
-    /// Scalar values that replace the fractions 0 (by LO) and 1 (by HI) of a transfer function over fractions
+    /// Map a transfer function over fractions of the value range to scalar values: fraction 0 to LO, fraction 1 to HI
     #[arg(long, value_name = "LO,HI", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Print a record of the conversion as JSON
+    /// Print file name, formats, units and warnings of the written transfer function as JSON
     #[arg(long)]
     json: bool,
 }
@@ -95,7 +95,7 @@ fn convert_help() -> String {
     help
 }
 
-/// Parses two numbers `LO,HI`, the second greater.
+/// Parses the value of `--range`: two numbers `LO,HI`, the second greater than the first.
 fn range(text: &str) -> Result<[f64; 2], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
     match numbers[..] {
@@ -115,7 +115,7 @@ struct Listed {
     reference_length_mm: f64,
 }
 
-/// Record of a written transfer function, the output of `tf export --json` and `tf convert --json`.
+/// Output of `tf export --json` and `tf convert --json` about a transfer function that was written to a file.
 #[derive(Serialize)]
 struct Converted<'a> {
     output: String,

@@ -25,8 +25,8 @@ pub struct VoxeliseArgs {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub flags: StrandFlags,
-    /// Number of light beams along which the transmittance of the volume is compared with that of the strands, 0 to
-    /// 100000
+    /// Number of light beams along which the transmittance of the volume is compared with that of the original
+    /// strands, 0 to 100000
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = beams())]
     pub rays: u32,
     /// Print the report as JSON
@@ -53,10 +53,10 @@ pub struct Report {
     pub conservation: Conservation,
     pub voxelise_ms: f64,
     pub segments_per_s: f64,
-    /// Direction towards the light in the comparison of the volume with its strands.
+    /// Direction towards the light for which the transmittance of the volume is compared with that of the strands.
     pub light: [f64; 3],
-    /// Difference in transmittance between the volume and its strands as cylinders; `null` without light beams or
-    /// without segments.
+    /// Difference in transmittance between the voxelised volume and the original strands, taken as cylinders; `null`
+    /// without light beams or without segments.
     pub against_cylinders: Option<AgainstCylinders>,
 }
 

@@ -64,8 +64,8 @@ impl CachedSession {
         Ok(())
     }
 
-    /// Removes the transfer-function tables and all shadow maps. Tables made later have the optimizations of `forced`
-    /// disabled.
+    /// Removes the transfer-function tables and all shadow maps from the session. Later ones are made with the
+    /// optimizations in `forced` disabled.
     pub fn reset(&mut self, forced: DisabledOptimizations) {
         self.forced = forced;
         self.transfer = None;
@@ -89,8 +89,8 @@ impl CachedSession {
         Some(MapSource { renderer: &self.renderer, loaded, transfer })
     }
 
-    /// Sets the transfer function and updates the tables and shadow maps that it invalidates. Returns the kind of
-    /// change; `None` if nothing changed.
+    /// Sets the session's transfer function, updates its lookup tables, and removes shadow maps that are no longer
+    /// valid. Returns the kind of edit; `None` if the transfer function is the same.
     ///
     /// # Errors
     /// A transfer function that cannot be rendered, or a device out of memory. The previous tables stay.
@@ -122,14 +122,15 @@ impl CachedSession {
         Ok(Some(change))
     }
 
-    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene.
+    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene, because the cache
+    /// lacks them.
     pub fn missing(&self, method: &dyn Method, scene: &Scene) -> usize {
         let missing = |source| self.shadows.missing(source, method, scene);
         self.source().map_or(scene.shining().len(), missing)
     }
 
-    /// Returns [`Change::View`] if shadow maps of the method exist for every light, but one does not cover the
-    /// visible region.
+    /// Returns [`Change::View`] if the cache has a shadow map of the method for every light, but one does not cover
+    /// the visible region.
     pub fn change_of_view(&self, method: &dyn Method, scene: &Scene) -> Option<Change> {
         let is_outgrown = self.shadows.is_outgrown(self.source()?, method, scene);
         is_outgrown.then_some(Change::View)

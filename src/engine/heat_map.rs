@@ -11,11 +11,11 @@ use std::sync::Arc;
 
 /// Number of decades on the logarithmic colour scale of the error heat maps.
 const DECADES: f32 = 3.0;
-/// Colour in the error heat map of pixels without a visible point, sRGB and opacity.
+/// Colour of pixels without a visible point in the error heat map, sRGB and opacity.
 const EMPTY_PIXEL: [u8; 4] = [28, 30, 34, 255];
 
-/// Compares shadow methods with an exact reference picture and sends the error heat maps. Stops early if `proceed`
-/// returns `false`.
+/// Compares shadow methods with an exact reference picture and sends the error heat maps to the window. Stops early
+/// if `proceed` returns `false`.
 pub fn compare(
     session: &mut CachedSession,
     request: &Arc<DifferenceRequest>,

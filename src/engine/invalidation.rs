@@ -17,15 +17,15 @@ pub enum Change {
     Color,
     /// Edit of the number or positions of the lights that are not black.
     Light,
-    /// Change of the shadow method or its settings.
+    /// Edit of the shadow method or its settings.
     Method,
     /// Edit that moves the camera.
     Camera,
-    /// Change of the visible region beyond the area that a shadow map fitted to the previous view covers. It follows
+    /// Edit after which the visible region exceeds the area of a shadow map fitted to the previous view. It follows
     /// [`Self::Camera`] or a new picture shape.
     View,
-    /// Change of the light colours and intensities, ambient light, shading, background, ray step, empty-space
-    /// skipping or picture size.
+    /// Edit of the light colours and intensities, ambient light, shading, background, ray step, empty-space skipping
+    /// or picture size.
     Picture,
 }
 
@@ -45,8 +45,8 @@ pub enum Stage {
     Frame,
 }
 
-/// Table of the pipeline stages that each kind of edit invalidates. The render plan decides whether an invalid shadow
-/// map is rebuilt ([`needs_shadows`](crate::render::needs_shadows)).
+/// Table of the pipeline stages that each kind of edit invalidates. An invalid shadow map is rebuilt only if the
+/// picture needs shadows ([`needs_shadows`](crate::render::needs_shadows)).
 pub const INVALIDATES: [(Change, &[Stage]); 9] = [
     (Change::Volume, &[Stage::Upload, Stage::Tables, Stage::Shadows, Stage::Frame]),
     (Change::Opacity, &[Stage::Tables, Stage::Shadows, Stage::Frame]),
@@ -65,7 +65,7 @@ impl Change {
         INVALIDATES.iter().any(|(change, stages)| *change == self && stages.contains(&stage))
     }
 
-    /// Kinds of edits that lead from one scene to another: lights, camera or picture settings.
+    /// Kinds of edits that lead from an old to a new scene: of lights, camera or picture settings.
     pub fn between_scenes(old: &Scene, new: &Scene) -> Vec<Self> {
         let moved = shining_lights(old) != shining_lights(new);
         // A moved light reports `Light` alone, not its colour as well.

@@ -1,5 +1,5 @@
-//! Jobs of the render thread other than pictures on the screen: probes, thumbnails of transfer-function presets,
-//! picture exports.
+//! Jobs of the render thread other than pictures on the screen: transmittance probes, thumbnails of transfer-function
+//! presets, picture exports.
 
 use super::cached_session::CachedSession;
 use super::mailbox::EventSender;
@@ -17,15 +17,15 @@ use crate::shadow::NoShadows;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Number of depths in a probe's transmittance curve.
+/// Number of depths along the light ray in a transmittance curve for the probe.
 const PROBE_DEPTHS: usize = 320;
 /// Minimum opacity of a pixel at which the user can probe its visible point.
 const MIN_OPACITY: f64 = 0.004;
 /// Target duration of one GPU submission while a picture is exported or a thumbnail is rendered, ms.
 const BAND_MS: f64 = 25.0;
 
-/// Computes the transmittance curves through a probed point and sends them. Sends nothing if the ray hits nothing
-/// visible.
+/// Computes the transmittance curves along the light ray through a probed point and sends them to the window. Sends
+/// nothing if the view ray hits nothing visible.
 pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &EventSender) -> Result<()> {
     let Some(loaded) = &session.loaded else { return Ok(()) };
     let volume = Arc::clone(&loaded.volume);
@@ -78,8 +78,8 @@ pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &Event
     Ok(())
 }
 
-/// Renders the thumbnail of a transfer-function preset with tables of its own. The tables of the picture on screen
-/// stay.
+/// Renders the thumbnail of a transfer-function preset with separate lookup tables. The tables of the picture on
+/// screen stay.
 pub fn thumbnail(session: &CachedSession, request: ThumbnailRequest, events: &EventSender) -> Result<()> {
     let ThumbnailRequest { index, tf, scene, volume } = request;
     let Some(loaded) = session.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {

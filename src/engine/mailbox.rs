@@ -79,7 +79,8 @@ impl Mailbox {
         waited.unwrap_or_else(PoisonError::into_inner).0.has_requests()
     }
 
-    /// Puts an interrupted picture request back into the queue, unless a newer picture request is waiting.
+    /// Puts an interrupted picture request back into the render thread's queue, unless a newer picture request is
+    /// waiting.
     pub fn restore(&self, request: FrameRequest) {
         self.lock().frame.get_or_insert(request);
     }

@@ -19,7 +19,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameSettings {
     pub tf: Arc<TransferFunction>,
-    /// Shadow method of the picture, followed by that of the right picture in a split view.
+    /// Shadow methods of the picture: one, or the left and the right one in a split view.
     pub methods: Vec<MethodSpec>,
     /// Scene to render. Its width and height are the size of the view, pixels.
     pub scene: Scene,
@@ -29,13 +29,14 @@ pub struct FrameSettings {
 #[derive(Debug, Clone)]
 pub struct FrameRequest {
     pub settings: FrameSettings,
-    /// Time of the user input that caused this picture request.
+    /// Time of the user input that led to this request for a picture.
     pub since: Instant,
-    /// Number of this picture request. Later requests have larger numbers.
+    /// Index of this request for a picture. Later requests have larger indices.
     pub revision: u64,
 }
 
-/// Request to the render thread other than a picture. These jobs run in order.
+/// Request to the render thread for something other than the picture, such as a probe or an export. These jobs run in
+/// order.
 pub enum Job {
     Upload(Box<OpenedVolume>),
     Probe(ProbeRequest),
@@ -54,8 +55,8 @@ pub enum Event {
     },
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
-    /// Message that another request interrupted the comparison with the exact reference picture, before its error
-    /// heat maps were ready.
+    /// Message that another request interrupted the computation of error heat maps against the exact reference
+    /// picture.
     DifferenceInterrupted(Arc<DifferenceRequest>),
     Thumbnail(Box<Thumbnail>),
     /// Completed fraction of the running picture export, 0 to 1.
@@ -65,7 +66,7 @@ pub enum Event {
     Failed(Error),
 }
 
-/// Rendered picture of one shadow method, with its build report and render time.
+/// Rendered picture of one shadow method, with its render time and the build report of its shadow map.
 #[derive(Debug, Clone)]
 pub struct MethodFrame {
     pub texture: Arc<DisplayTexture>,
@@ -88,25 +89,25 @@ pub struct Frame {
     pub work: Work,
     /// Time from the user's input to the finished picture, ms.
     pub latency_ms: f64,
-    /// Duration of the longest GPU submission while this picture was rendered, ms.
+    /// Duration of the longest GPU submission while the picture was rendered, ms.
     pub longest_band_ms: f64,
-    /// Number of the request that this picture answers.
+    /// Index of the request that this picture answers.
     pub revision: u64,
 }
 
 impl Frame {
-    /// Returns the pictures of the shadow methods from left to right.
+    /// Returns the picture of the shadow method, or the left and the right picture of a split view.
     pub fn sides(&self) -> impl Iterator<Item = &MethodFrame> {
         std::iter::once(&self.main).chain(&self.other)
     }
 }
 
-/// Target of a probe: a ray from the camera, or a point of the volume.
+/// Target of a transmittance probe: a ray from the camera, or a point of the volume.
 #[derive(Debug, Clone)]
 pub enum ProbeTarget {
     /// Ray from the camera, world mm, with a unit direction. The visible point along the ray is probed.
     Ray { origin: DVec3, direction: DVec3 },
-    /// Point to probe, world mm.
+    /// World point through whose light ray the transmittance is probed, mm.
     Point(DVec3),
 }
 
@@ -124,31 +125,32 @@ pub struct ProbeRequest {
 #[derive(Debug, Clone)]
 pub struct MethodCurve {
     pub spec: String,
-    /// Samples of the transmittance curve: depth along the light ray in mm, and transmittance.
+    /// Samples of the shadow method's transmittance curve: depth along the light ray in mm, and transmittance.
     pub points: Vec<[f64; 2]>,
     /// Transmittance from the light to the probed point, by this shadow method.
     pub at_point: f64,
-    /// Error bound of the shadow method near the probed point; `None` if the method has no bound.
+    /// Error bound of the shadow method's transmittance near the probed point; `None` if the method has no bound.
     pub bound: Option<ProbedBound>,
 }
 
-/// Error bound of a shadow method, with its test on the light ray nearest to the probed point.
+/// Error bound of a shadow method, and the result of its test on the light ray nearest to the probed point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbedBound {
     pub bound: Bound,
-    /// Test of the error bound on the light ray through the texel centre nearest to the probed point. `None` if no
-    /// texel of the shadow map covers the point.
+    /// Result of testing the error bound on the light ray through the texel centre nearest to the probed point.
+    /// `None` if no texel of the shadow map covers the point.
     pub nearest: Option<NearestRay>,
 }
 
-/// Test of a shadow method's error bound on the light ray through the texel centre nearest to a point.
+/// Result of testing a shadow method's error bound on the light ray through the texel centre nearest to the probed
+/// point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestRay {
     /// Distance from the probed point to the tested light ray, in texel widths.
     pub texels_away: f64,
     /// Largest difference between the shadow method's transmittance and the exact one along the tested light ray.
     pub largest: f64,
-    /// Whether the method's error bound is satisfied at every tested depth of the light ray.
+    /// Whether the shadow method's error bound is satisfied at every tested depth of the light ray.
     pub satisfied: bool,
 }
 
@@ -156,7 +158,7 @@ pub struct NearestRay {
 /// method.
 #[derive(Debug, Clone)]
 pub struct ProbeResult {
-    /// Probed point, world mm.
+    /// Point at which the user probes the transmittance, world mm.
     pub point: DVec3,
     /// Scalar value of the volume at the probed point.
     pub value: f64,
@@ -169,7 +171,7 @@ pub struct ProbeResult {
     pub methods: Vec<MethodCurve>,
 }
 
-/// Request to compare shadow methods with an exact reference picture, for error heat maps.
+/// Request for error heat maps, which compare shadow methods with an exact reference picture.
 #[derive(Debug, Clone)]
 pub struct DifferenceRequest {
     pub view: Arc<ExactView>,
@@ -178,17 +180,17 @@ pub struct DifferenceRequest {
     pub logarithmic: bool,
 }
 
-/// Error heat map of one shadow method, compared with the exact reference picture.
+/// Heat map of one shadow method's error against the exact reference picture.
 pub struct DifferenceSide {
     pub spec: String,
     pub map: ErrorMap,
     pub texture: Arc<DisplayTexture>,
 }
 
-/// Error heat maps of the shadow methods in the view, all on one colour scale.
+/// Error heat maps of the shadow methods in the view, all on the same colour scale.
 pub struct Differences {
     pub request: Arc<DifferenceRequest>,
-    /// Error heat maps of the shadow methods from left to right.
+    /// Error heat maps of the shadow methods: one, or the left and the right one in a split view.
     pub sides: Vec<DifferenceSide>,
     /// Error at the lower end of the heat maps' colour scale.
     pub least: f32,

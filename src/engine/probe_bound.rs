@@ -9,11 +9,13 @@ use crate::scene::Light;
 use crate::shadow::Taps;
 use glam::{DVec2, DVec3};
 
-/// Number of depths at which the error bound is tested, besides those around the breakpoints of the exact curve.
+/// Number of depths along the light ray at which the error bound is tested, besides depths around the breakpoints of
+/// the exact transmittance curve.
 const DEPTHS: usize = 200;
 
-/// Tests the error bound of a shadow method near a point (world mm), on the light ray through the nearest texel
-/// centre. `taps` states how the method reads its texels. Returns `None` if the method has no bound.
+/// Tests the error bound of a shadow method against the exact transmittance, on the light ray through the texel
+/// centre nearest to a point (world mm). `taps` states which light rays the method averages per texel. Returns `None`
+/// if the method has no bound.
 ///
 /// # Errors
 /// A lost device.

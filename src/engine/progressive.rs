@@ -15,13 +15,13 @@ use crate::shadow::{Bound, BuildReport};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Target duration of one GPU submission during rendering, ms. The window draws through the same queue. A software
-/// adapter takes tens of milliseconds for the window itself, so shorter bands would leave the device idle.
+/// Target duration of one GPU submission during rendering, ms. It is short because the window draws through the same
+/// queue. A software adapter needs tens of milliseconds for the window itself and uses `SOFTWARE_BAND_MS`.
 const BAND_MS: f64 = 12.0;
 const SOFTWARE_BAND_MS: f64 = 35.0;
 /// Time without user input after which the picture is rendered at full quality.
 const REST: Duration = Duration::from_millis(140);
-/// Maximum number of picture textures kept for reuse, e.g. while the view is resized.
+/// Maximum number of picture textures that the renderer keeps for reuse, e.g. while the view is resized.
 const MAX_TEXTURES: usize = 8;
 
 /// Progressive renderer: renders each requested picture first coarsely, then at full quality.
@@ -47,7 +47,8 @@ impl ProgressiveRenderer {
         }
     }
 
-    /// Removes the volume, tables, shadow maps and textures, since a failure may have left them incomplete.
+    /// Removes the volume, its lookup tables, shadow maps and picture textures, since a failure may have left them
+    /// incomplete.
     pub fn reset(&mut self) {
         self.session.unload();
         self.textures.clear();
@@ -101,7 +102,8 @@ impl ProgressiveRenderer {
         Ok(true)
     }
 
-    /// Renders the picture of each shadow method at a given quality; `None` if `proceed` stopped it.
+    /// Renders the picture of each shadow method at a given quality. Returns `None` if `proceed` stopped the
+    /// rendering.
     fn draw(
         &mut self,
         request: &FrameRequest,
@@ -161,7 +163,7 @@ impl ProgressiveRenderer {
     }
 }
 
-/// Returns a picture texture of the given size that the window does not show any more, or creates one.
+/// Returns a texture of the given size for a picture: one that the window does not show any more, or a new one.
 fn take_texture(
     textures: &mut Vec<Arc<DisplayTexture>>,
     gpu: &Gpu,

@@ -13,12 +13,12 @@ const FAST_MS: f64 = 90.0;
 /// pictures similar.
 const MAP_SIDES: [u32; 7] = [512, 384, 256, 192, 128, 96, 64];
 const DIVISORS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0];
-/// Factor that lengthens the ray-casting step during interaction. The larger `MAX_MOVING_STEP` applies where pixels
-/// would become too large.
+/// Factor on the ray-casting step during interaction. The larger `MAX_MOVING_STEP` applies where the pixels of coarse
+/// pictures would become too large.
 const MOVING_STEP: f64 = 2.0;
 const MAX_MOVING_STEP: f64 = 5.0;
-/// Pixel size, in pixels of the view, above which the ray-casting step is lengthened further. Below `SMALL_ENOUGH` it
-/// is shortened again.
+/// Size of a coarse pixel, in pixels of the window's picture, above which the ray-casting step is lengthened to
+/// `MAX_MOVING_STEP`. Up to `SMALL_ENOUGH` it is shortened again.
 const TOO_LARGE: f64 = 6.0;
 const SMALL_ENOUGH: f64 = 2.0;
 
@@ -28,7 +28,7 @@ pub struct Quality {
     pub width: u32,
     pub height: u32,
     pub step: f64,
-    /// Shadow methods of the picture, with coarse or requested settings.
+    /// Shadow methods of the picture, with the requested settings or coarser ones.
     pub methods: Vec<MethodSpec>,
 }
 
@@ -45,20 +45,20 @@ impl Quality {
     }
 }
 
-/// Render and build speeds measured on this graphics adapter and scene, used to choose the picture quality.
+/// Measured speeds of rendering pictures and building shadow maps, used to choose the picture quality.
 pub struct Speeds {
     pub full: Pace,
     pub moving: Pace,
-    /// Time to build a shadow map per texel, ms, by shadow method and ray-marching mode.
+    /// Build time of a shadow map per texel, ms, for each shadow method with its ray-marching mode.
     build_ms_per_texel: Vec<(String, f64)>,
-    /// Resolution of the last shadow map with an automatic size, texels per side.
+    /// Resolution of the last shadow map whose size was chosen automatically, texels per side.
     chosen_map: u32,
     /// Current factor on the ray-casting step during interaction.
     moving_step: f64,
 }
 
 impl Speeds {
-    /// Creates an estimator of render times for GPU submissions of about `submission_ms`.
+    /// Creates the estimator of render speeds for GPU submissions of about `submission_ms` milliseconds.
     pub fn new(submission_ms: f64) -> Self {
         let pace = || Pace::new(submission_ms);
         Self {
@@ -70,7 +70,7 @@ impl Speeds {
         }
     }
 
-    /// Records the time to build a shadow map with `map` texels per side, ms.
+    /// Records the measured build time of a shadow map with `map` texels per side, ms.
     pub fn record_build(&mut self, spec: &MethodSpec, map: u32, ms: f64) {
         if self.map(spec) == 0 {
             return;
@@ -91,7 +91,7 @@ impl Speeds {
         spec.value("map").map_or(0, |_| spec.map_size().unwrap_or(self.chosen_map))
     }
 
-    /// Estimated time to build the shadow maps of all lights that are not in the cache, ms.
+    /// Estimated time to build all shadow maps of a picture that are not in the cache, ms.
     fn build_ms(&self, spec: &MethodSpec, settings: &FrameSettings, session: &CachedSession) -> f64 {
         let map = self.map(spec);
         let missing =
@@ -104,14 +104,14 @@ impl Speeds {
         known.map_or(MOVING_MS, |(_, ms)| missing * ms * f64::from(map) * f64::from(map))
     }
 
-    /// Whether a picture at this quality is expected so soon that no coarse picture is needed before it.
+    /// Whether a picture of this quality is expected to finish so soon that no coarse picture is needed before it.
     pub fn is_fast(&self, quality: &Quality, settings: &FrameSettings, session: &CachedSession) -> bool {
         let build_ms: f64 = quality.methods.iter().map(|c| self.build_ms(c, settings, session)).sum();
         let pixels = quality.pixels() * quality.methods.len() as f64;
         build_ms + pixels / self.full.pixels_per_ms() <= FAST_MS
     }
 
-    /// Picture quality that fits the time budget during interaction.
+    /// Chooses a picture quality that fits the time budget during interaction.
     pub fn coarse(&mut self, full: &Quality, settings: &FrameSettings, session: &CachedSession) -> Quality {
         let count = full.methods.len() as f64;
         let build_ms = |spec: &MethodSpec| self.build_ms(spec, settings, session);
@@ -144,14 +144,14 @@ impl Speeds {
     }
 }
 
-/// Key of the measured build times: name of the shadow method and its ray-marching mode.
+/// Key of the measured build times of shadow maps: name of the shadow method and its ray-marching mode.
 fn kind(spec: &MethodSpec) -> String {
     let march = spec.value("march").map_or(String::new(), |march| march.to_string());
     format!("{} {march}", spec.entry().name)
 }
 
-/// Faster variant of a shadow method for use during interaction. It has coarse settings and at most `map` texels per
-/// side, where the requested method has `own` of them.
+/// Coarser and faster variant of a shadow method for use during interaction, with at most `map` texels per side.
+/// `own` is the resolution of the requested method's shadow map.
 fn coarse_method(spec: &MethodSpec, own: u32, map: u32) -> MethodSpec {
     let coarse = |(key, value): (&Key, Value)| match key.name {
         "map" if own > map => Value::Whole(map),

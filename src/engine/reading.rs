@@ -17,7 +17,7 @@ use std::time::Instant;
 /// Number of bins of the volume histogram in the transfer-function editor.
 const HISTOGRAM_BINS: usize = 512;
 
-/// Assumed diameter of strands that are opened without one, mm.
+/// Assumed diameter of strands whose file gives none, mm.
 const ASSUMED_MM: f64 = 1.0;
 
 /// Volume that has been read from a file, with its histogram and the initial settings to show it.
@@ -25,13 +25,14 @@ const ASSUMED_MM: f64 = 1.0;
 pub struct OpenedVolume {
     /// Path or name of the volume, with the flags by which it was read.
     pub spec: VolumeSpec,
-    /// Voxel data that were read.
+    /// Voxel data of the opened volume.
     pub volume: Arc<Volume>,
     /// Hair or fibre strands from which the volume was voxelised, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Histogram of the scalar values of the volume.
     pub histogram: Arc<Histogram>,
-    /// Initial settings to show the volume. `None` replaces only the volume of the open document.
+    /// Initial settings with which the viewer shows the volume. `None` keeps the current settings and replaces only
+    /// the volume.
     pub initial: Option<InitialState>,
     /// Notes and warnings from reading the volume, such as an assumed strand diameter, one line each.
     pub notes: Vec<String>,
@@ -44,16 +45,15 @@ pub struct InitialState {
     pub tf: TransferFunction,
     /// Preset name or file path of the initial transfer function.
     pub tf_source: String,
-    /// Units of the scalar values and opacity scale that the user requested.
+    /// Units of the scalar values and scale of the opacity that the user requested for transfer functions.
     pub suiting: Suiting,
     /// Segmentation of the volume and the transfer functions of its labels.
     pub parts: MaskFlags,
     /// Initial scene of the opened volume: camera, lights and picture settings.
     pub scene: Scene,
-    /// Shadow method to use. `None` keeps the method of the previous document.
+    /// Shadow method for the opened volume. `None` keeps the viewer's current method.
     pub method: Option<MethodSpec>,
-    /// Whether exported picture files have a transparent background. `None` keeps the choice of the previous
-    /// document.
+    /// Whether exported picture files have a transparent background. `None` keeps the viewer's current choice.
     pub transparent: Option<bool>,
 }
 
@@ -62,10 +62,10 @@ pub struct InitialState {
 pub enum OpenMode {
     /// Settings from a command line or a scene file.
     Settings(Box<SceneSettings>),
-    /// Settings for another volume in the open window: suitable defaults, but with the current lights and picture
-    /// settings.
+    /// Settings for another volume in the open window: defaults that suit the volume, but the current lights and
+    /// picture settings.
     Scene(Box<Scene>),
-    /// Settings of the open document, unchanged, for a new voxelisation of its strands.
+    /// Current settings of the viewer, unchanged, for a new voxelisation of the open strands.
     Revoxelise,
 }
 
@@ -149,7 +149,8 @@ fn read(mut spec: VolumeSpec, with: OpenMode, loading: &Loading) -> Result<Opene
     Ok(OpenedVolume { spec, volume, strands, histogram, initial, notes })
 }
 
-/// Assumes a diameter for strands without one, since a dropped file has no flags. Returns a note for the user.
+/// Assumes a diameter for strands whose file gives none, since a dropped file has no flags. Returns a note for the
+/// user.
 fn assume_thickness(spec: &mut VolumeSpec) -> Option<Diagnostic> {
     let thickness = &mut spec.flags.strands.thickness;
     if thickness.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
@@ -165,7 +166,8 @@ fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
     diagnostics.into_iter().map(|d| d.message).collect()
 }
 
-/// Lights for a new volume: keeps directional lights, and replaces point lights, which belong to the old volume.
+/// Lights for a new volume: keeps directional lights of the old scene, and replaces point lights, whose positions
+/// belong to the old volume.
 fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
     let suitable = |source: &LightSource| match source.light {
         Light::Directional { .. } => *source,

@@ -54,7 +54,7 @@ impl RenderThread {
         self.mailbox.cancel_export.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the events that the render thread has sent since the last call.
+    /// Returns the render thread's messages (results, progress, errors) since the last call.
     pub fn events(&self) -> Vec<Event> {
         self.events.try_iter().collect()
     }

@@ -3,8 +3,8 @@
 use crate::scene::{Camera, Light, LightSource, Scene};
 use glam::{DQuat, DVec3};
 
-/// Object that rotates from one picture to the next: the camera or the lights. The axis passes through the camera's
-/// target along its `up` vector.
+/// Object that rotates from one picture to the next: the camera or the lights. The rotation axis passes through the
+/// camera's target along the camera's `up` vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rotation {
     /// Turntable: the camera rotates around its target.
@@ -18,7 +18,7 @@ pub enum Rotation {
 pub struct RotatedScene {
     /// Rotation angle of this scene, degrees, counterclockwise as seen from the tip of the camera's `up` vector.
     pub angle_deg: f64,
-    /// Scene with the camera or the lights rotated by this angle.
+    /// Scene with the camera or the lights rotated by the angle `angle_deg`.
     pub scene: Scene,
 }
 

@@ -22,7 +22,7 @@ pub struct Work {
     pub built: usize,
 }
 
-/// Set of points at which a shadow map must be valid.
+/// Region in which a shadow map must be valid: the visible points of a picture, or all points of the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapCoverage {
     /// Requires the shadow map to be valid at all points that are visible in the picture.
@@ -68,7 +68,7 @@ fn method_key(method: &dyn Method) -> String {
     format!("{method:?}")
 }
 
-/// Shadow methods whose cached maps a picture may use.
+/// Shadow methods whose cached shadow maps a picture may use, as cache keys.
 struct Acceptable {
     /// Cache key of the shadow method that the user requested.
     requested: String,
@@ -94,13 +94,13 @@ impl Acceptable {
     }
 }
 
-/// Shadow map in the cache, with the method and light that it was built for.
+/// Cached shadow map, with the shadow method and the light for which it was built.
 struct CachedMap {
     method: String,
     light: Light,
     map: ShadowMap,
-    /// View for which the map's coverage was tested last (`None`: all points), and the result. Such a test on a large
-    /// volume takes milliseconds.
+    /// View for which the coverage of this cached shadow map was tested last (`None`: all points), and the result of
+    /// the test. A test on a large volume takes milliseconds.
     tested: Cell<Option<(Option<View>, bool)>>,
 }
 
@@ -144,7 +144,8 @@ impl ShadowCache {
         self.maps.clear();
     }
 
-    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene.
+    /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene, because the cache
+    /// lacks them.
     pub fn missing(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> usize {
         let acceptable = Acceptable::new(source, method, scene, MapCoverage::Picture.view(scene));
         let is_missing = |light: &&Light| self.find(source, &acceptable, **light).is_none();
@@ -154,7 +155,8 @@ impl ShadowCache {
         }
     }
 
-    /// Whether shadow maps of the method exist for every light, but one of them does not cover the visible region.
+    /// Whether the cache has a shadow map of the method for every light, but one of them does not cover the visible
+    /// region.
     pub fn is_outgrown(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> bool {
         let method_key = method_key(method);
         let exists =
@@ -218,8 +220,8 @@ impl ShadowCache {
         Ok(lights.iter().filter_map(last).collect())
     }
 
-    /// Evicts the least recently used shadow maps until there is space for `missing` more. Maps of other lights are
-    /// evicted first.
+    /// Evicts the least recently used shadow maps from the cache until it has space for `missing` more. Maps of
+    /// lights outside `lights` are evicted first.
     fn make_room(&mut self, lights: &[Light], missing: usize) {
         let is_other = |map: &CachedMap| !lights.contains(&map.light);
         loop {

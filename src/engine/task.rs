@@ -19,8 +19,8 @@ pub struct Task<T> {
 }
 
 impl<T: Send + 'static> Task<T> {
-    /// Starts a background thread that runs `work` and calls `wake` at the end. `work` should return soon after its
-    /// cancel flag is set.
+    /// Starts a background thread that runs the function `work` and calls `wake` at the end. `work` should return
+    /// soon after its cancel flag is set.
     ///
     /// # Errors
     /// The system cannot start a thread.

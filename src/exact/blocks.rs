@@ -4,7 +4,7 @@ use super::law::Laws;
 use crate::volume::{Scaling, Voxel};
 use rayon::prelude::*;
 
-/// Number of cells along a block's edge, as the exponent of a power of two.
+/// Base-2 logarithm of the number of volume cells along the edge of a block.
 const SHIFT: u32 = 3;
 
 /// Returns the index of the block that contains a volume cell, on one axis. Cells run from -1 (before the first voxel
@@ -14,7 +14,7 @@ pub(super) fn block_of(cell: i64) -> i64 {
     (cell + 1) >> SHIFT
 }
 
-/// Returns the first and last volume cell of a block, on one axis.
+/// Returns the indices of the first and last volume cell in a block, on one axis.
 #[inline]
 pub(super) fn cells_of(block: i64) -> [i64; 2] {
     [(block << SHIFT) - 1, ((block + 1) << SHIFT) - 2]
@@ -23,13 +23,13 @@ pub(super) fn cells_of(block: i64) -> [i64; 2] {
 /// Segmentation labels of the voxels, with the index of the transfer function of each label.
 #[derive(Clone, Copy)]
 pub(super) struct Labelled<'a> {
-    /// Rank of each voxel's segmentation label among all labels.
+    /// Index of each voxel's segmentation label in the list of all labels.
     pub ranks: &'a [u8],
     /// Index of the transfer function of each segmentation label; `None` if the label has no extinction.
     pub functions: &'a [Option<usize>],
 }
 
-/// Flag for each block of volume cells that tells whether it may have extinction.
+/// Flags that tell for each block of volume cells whether it may have extinction.
 #[derive(Debug, Clone)]
 pub(super) struct Blocks {
     counts: [usize; 3],

@@ -29,12 +29,13 @@ impl Cubic {
         ])
     }
 
-    /// Returns the cubic polynomial with the interval `[from, to]` mapped to `[0, 1]`.
+    /// Returns the part of the cubic polynomial on the interval `[from, to]`, as a cubic over `[0, 1]`.
     pub fn restrict(&self, from: f64, to: f64) -> Self {
         self.substitute(from, to - from)
     }
 
-    /// Returns the turning points of the cubic strictly inside `(0, 1)`, ascending; missing ones are 1.
+    /// Returns the turning points (local extrema) of the cubic polynomial strictly inside `(0, 1)`, ascending;
+    /// missing ones are 1.
     pub fn turning_points(&self) -> [f64; 2] {
         let [_, c, b, a] = [self.0[0], self.0[1], self.0[2], 3.0 * self.0[3]];
         let discriminant = b * b - a * c;

@@ -3,8 +3,8 @@
 use super::law::{Law, Laws};
 use super::traversal::RayPiece;
 
-/// Exact optical depth along a ray, accumulated from its origin. The curve consists of smooth pieces, each integrated
-/// from its own start, so that the value is exact at every depth.
+/// Exact optical depth along a ray, accumulated from its origin. The ray is divided into smooth intervals, each
+/// integrated from its own start, so that the value is exact at every depth.
 ///
 /// Depths are mm from the ray's origin.
 #[derive(Debug, Clone)]
@@ -12,14 +12,14 @@ pub struct OpticalDepthCurve<'a> {
     laws: &'a [Laws],
     pieces: Vec<CurvePiece>,
     total: f64,
-    /// Length of the ray, mm; its end does not count as a jump of extinction.
+    /// Length of the ray, mm. Extinction that ends there does not count as a jump of extinction.
     length_mm: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct CurvePiece {
     piece: RayPiece,
-    /// Optical depth from the origin of the ray to the start of this piece of it.
+    /// Optical depth from the origin of the ray to the start of this smooth interval of the ray.
     before: f64,
 }
 
@@ -27,9 +27,10 @@ struct CurvePiece {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CurvePoint {
     pub depth_mm: f64,
-    /// Scalar value of the volume at the point.
+    /// Scalar value of the volume at this point of a ray.
     pub value: f64,
-    /// Index of the transfer function at the point in [`crate::transfer::TransferFunction::functions`].
+    /// Index of the transfer function that applies at this point of a ray, in
+    /// [`crate::transfer::TransferFunction::functions`].
     pub function: usize,
 }
 
@@ -43,7 +44,7 @@ impl<'a> OpticalDepthCurve<'a> {
         self.total += self.within(&piece, 1.0);
     }
 
-    /// Returns the optical depth of the whole ray.
+    /// Returns the exact optical depth of the whole ray.
     pub fn total(&self) -> f64 {
         self.total
     }
@@ -73,7 +74,7 @@ impl<'a> OpticalDepthCurve<'a> {
         self.find(tau).map(|f| f.depth_mm)
     }
 
-    /// Returns the point of the ray at which the optical depth reaches `tau > 0`; `None` beyond the total.
+    /// Returns the point of the ray at which the optical depth reaches `tau > 0`; `None` if the whole ray has less.
     pub(super) fn find(&self, tau: f64) -> Option<CurvePoint> {
         if tau.is_nan() || tau > self.total {
             return None;
@@ -87,7 +88,7 @@ impl<'a> OpticalDepthCurve<'a> {
     }
 
     /// Returns the depths along the ray (mm, ascending) at which extinction jumps or bends. There the value passes a
-    /// control point of the transfer function next to extinction, or the ray enters or leaves the domain within
+    /// control point of the transfer function next to extinction, or the ray enters or leaves the volume within
     /// extinction.
     pub fn jumps(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
@@ -109,13 +110,15 @@ impl<'a> OpticalDepthCurve<'a> {
         &self.laws[piece.function].laws[piece.law]
     }
 
-    /// Returns the optical depth from the start of a piece of the ray to the fraction `x` of its length.
+    /// Returns the optical depth from the start of a smooth interval of the ray to the fraction `x` of the interval's
+    /// length.
     #[inline]
     fn within(&self, piece: &RayPiece, x: f64) -> f64 {
         self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
-    /// Returns the fraction of a ray piece's length at which its optical depth reaches `tau`.
+    /// Returns the fraction of the length of a smooth ray interval at which the optical depth within the interval
+    /// reaches `tau`.
     fn invert(&self, piece: &RayPiece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;

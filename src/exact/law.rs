@@ -1,5 +1,5 @@
-//! Transfer functions as formulas (laws) of extinction on intervals of value, and the integrals of extinction along a
-//! cubic.
+//! Transfer functions as formulas (laws) that give extinction on intervals of the scalar value, and integrals of
+//! extinction along a ray on which the value is a cubic.
 
 use super::cubic::Cubic;
 use crate::transfer::{ControlPoint, MAX_OPACITY, Quantity, TransferFunction};
@@ -20,7 +20,8 @@ const GAUSS_10: [(f64, f64); 5] = [
     (0.9739065285171717, 0.06667134430868814),
 ];
 
-/// Linear segment of a transfer function: `amount + slope * (s - value)` at the value `s`.
+/// Linear segment of a transfer function: opacity or extinction is `amount + slope * (s - value)` at the scalar value
+/// `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ramp {
     value: f64,
@@ -45,22 +46,22 @@ impl Ramp {
     }
 }
 
-/// Formula of extinction as a function of value, on one interval of a transfer function.
+/// Formula of extinction as a function of the scalar value, on one interval of a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// Extinction is zero on the whole interval of values.
+    /// Extinction is zero on the whole interval of the transfer function.
     Clear,
-    /// Extinction is constant on the interval of values, 1/mm.
+    /// Extinction is constant on the interval of the transfer function, 1/mm.
     Constant(f64),
-    /// Extinction (1/mm) is a linear function of the value.
+    /// Extinction (1/mm) is a linear function of the scalar value, on one interval of the transfer function.
     Extinction(Ramp),
-    /// Opacity per reference length is a linear function of the value; `per_mm` is the reciprocal of the reference
-    /// length.
+    /// Opacity per reference length is a linear function of the scalar value, on one interval of the transfer
+    /// function; `per_mm` is the reciprocal of the reference length.
     Opacity { ramp: Ramp, per_mm: f64 },
 }
 
 impl Law {
-    /// Returns the extinction at the value `s`, 1/mm.
+    /// Returns the extinction at the scalar value `s`, 1/mm.
     #[inline]
     pub fn extinction(&self, s: f64) -> f64 {
         match self {
@@ -71,8 +72,8 @@ impl Law {
         }
     }
 
-    /// Returns the integral of the extinction over `x` in `[from, to]`, where the value along the ray is the cubic
-    /// `s(x)`.
+    /// Returns the integral of the extinction over `x` in `[from, to]`, where the scalar value along the ray is the
+    /// cubic `s(x)`.
     #[inline]
     pub fn integral(&self, s: &Cubic, from: f64, to: f64) -> f64 {
         match self {
@@ -131,15 +132,15 @@ fn absorbance_part(opacity: &Cubic, from: f64, to: f64, halvings_left: u32) -> f
     }
 }
 
-/// Transfer function, as one formula of extinction (law) for each interval of values. Interval `i` runs from `cuts[i
-/// - 1]` up to, but without, `cuts[i]`, and has the formula `laws[i]`.
+/// Transfer function, as one formula of extinction (law) for each interval of the scalar value. The interval of
+/// `laws[i]` runs from `cuts[i - 1]` up to, but without, `cuts[i]`.
 #[derive(Debug, Clone)]
 pub(super) struct Laws {
     pub cuts: Vec<f64>,
     pub laws: Vec<Law>,
-    /// Number of formulas before each index that have extinction, i.e. are not [`Law::Clear`].
+    /// Number of intervals of the transfer function with extinction (not [`Law::Clear`]) before each interval.
     active_before: Vec<u32>,
-    /// Limits of the values with extinction: the transfer function has none below `clear_below`, and none from
+    /// Limits of the scalar values with extinction: the transfer function has none below `clear_below`, and none from
     /// `clear_from` on.
     clear_below: f64,
     clear_from: f64,
@@ -174,20 +175,20 @@ impl Laws {
         Self { cuts, laws, active_before, clear_below, clear_from }
     }
 
-    /// Returns the index of the transfer function's interval that contains `value`.
+    /// Returns the index of the transfer function's interval that contains the scalar value `value`.
     #[inline]
     pub fn interval(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut <= value)
     }
 
-    /// Returns the index of the transfer function's interval just below `value`.
+    /// Returns the index of the transfer function's interval just below the scalar value `value`.
     #[inline]
     pub fn interval_below(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut < value)
     }
 
-    /// Returns the intervals of the transfer function that contain `min` and `max`; `None` if there is no extinction
-    /// between the two.
+    /// Returns the indices of the transfer function's intervals that contain `min` and `max`; `None` if there is no
+    /// extinction between the two.
     #[inline]
     pub fn active(&self, min: f64, max: f64) -> Option<(usize, usize)> {
         if max < self.clear_below || min >= self.clear_from {
@@ -272,7 +273,7 @@ mod tests {
         assert_eq!(laws.active(f64::MIN, f64::MAX), None);
     }
 
-    /// The integral over a linear opacity matches the closed form, from small slopes to singular ones.
+    /// Optical depth of a linear opacity matches the closed form, from small slopes to singular ones.
     #[test]
     fn opacity_ramps_meet_the_closed_form() {
         let primitive = |q: f64| q * q.ln() - q;
@@ -285,7 +286,7 @@ mod tests {
         assert!((faint / (5e-7 + 1e-12 / 6.0) - 1.0).abs() < 1e-12, "{faint}");
     }
 
-    /// The integral over a cubic opacity with three known roots matches the closed form, a sum of linear terms.
+    /// Optical depth of a cubic opacity with three known roots matches the closed form, a sum of linear terms.
     #[test]
     fn cubic_opacity_meets_the_closed_form() {
         // 1 - opacity = k (r0 - x)(r1 - x)(r2 + x); each factor integrates in closed form.

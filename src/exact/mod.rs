@@ -1,11 +1,11 @@
 //! Exact reference on the CPU in float64, against which the errors of all shadow methods are measured.
 //!
 //! A ray is traversed cell by cell. Within a cell the trilinear value is a cubic of the distance. The cubic is cut
-//! where it passes a control point of the transfer function, and each smooth piece is integrated to a relative error
-//! of about 1e-12. If extinction is linear in the value, the quadrature is exact. If opacity is linear (so that
-//! extinction is the logarithm of a cubic), the order of the quadrature is proved to be high enough. Blocks of cells
-//! without extinction are skipped, which changes no bit of the result. The module shares no table and no code with
-//! the GPU path.
+//! where it passes a control point of the transfer function, and each smooth interval of the ray is integrated to a
+//! relative error of about 1e-12. If extinction is linear in the value, the quadrature is exact. If opacity is linear
+//! (so that extinction is the logarithm of a cubic), the order of the quadrature is proved to be high enough. Blocks
+//! of cells without extinction are skipped, which changes no bit of the result. The module shares no table and no
+//! code with the GPU path.
 
 mod blocks;
 mod cubic;
@@ -41,17 +41,17 @@ const OPAQUE: f64 = 40.0;
 pub struct ExactField<'a> {
     volume: &'a Volume,
     transfer_function: &'a TransferFunction,
-    /// Formulas of extinction of each function in the transfer function.
+    /// Extinction formulas of each transfer function: the main one, then those of segmentation labels.
     laws: Vec<Laws>,
-    /// Index of the transfer function of each label, in the order of [`crate::volume::Labels::ids`]; `None` for
-    /// hidden labels.
+    /// Index of the transfer function of each segmentation label, in the order of [`crate::volume::Labels::ids`];
+    /// `None` for hidden labels.
     functions: Vec<Option<usize>>,
     blocks: Blocks,
     directions: Option<Arc<DirectionMoments>>,
 }
 
 impl<'a> ExactField<'a> {
-    /// Creates an exact reference for a volume with a transfer function, and finds the blocks with extinction.
+    /// Prepares exact results for a volume with a transfer function, and finds the blocks of cells with extinction.
     pub fn new(volume: &'a Volume, transfer_function: &'a TransferFunction) -> Self {
         let laws: Vec<Laws> = match volume.labels() {
             Some(_) => transfer_function.functions().map(Laws::new).collect(),
@@ -76,12 +76,12 @@ impl<'a> ExactField<'a> {
         Self { directions, ..self }
     }
 
-    /// Returns the volume of the exact reference.
+    /// Returns the volume for which results are computed exactly.
     pub fn volume(&self) -> &'a Volume {
         self.volume
     }
 
-    /// Returns the transfer function of the exact reference.
+    /// Returns the transfer function with which results are computed exactly.
     pub fn transfer_function(&self) -> &'a TransferFunction {
         self.transfer_function
     }
@@ -121,7 +121,8 @@ impl<'a> ExactField<'a> {
     }
 
     /// Returns the distances (mm) at which the ray from `origin` in the unit `direction` (world mm) enters and leaves
-    /// the volume's domain, after clip planes. The first is 0 if the ray starts inside; `None` if the ray misses.
+    /// the volume's domain, after clip planes. The first distance is 0 if the ray starts inside. The result is `None`
+    /// if the ray misses the domain.
     pub fn span_in_domain(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let ray = self.ray(origin, direction, f64::INFINITY)?;
         Some([ray.enter_mm, ray.exit_mm])
@@ -171,7 +172,7 @@ impl<'a> ExactField<'a> {
         sum
     }
 
-    /// Calls `visit` with each piece of a ray that has extinction, in order.
+    /// Calls `visit` with each interval of a ray that has extinction, in order along the ray.
     fn traverse(
         &self,
         origin: DVec3,
@@ -195,12 +196,12 @@ fn labelled<'a>(volume: &'a Volume, functions: &'a [Option<usize>]) -> Option<La
     volume.labels().map(|labels| Labelled { ranks: labels.ranks(), functions })
 }
 
-/// Returns the voxels as a slice in memory order.
+/// Returns the voxels of a volume as a slice in memory order.
 fn contiguous<V>(voxels: &Array3<V>) -> &[V] {
     voxels.as_slice().expect("a Volume refuses voxels that are not contiguous")
 }
 
-/// Returns the unit direction from `a` to `b` and their distance; `None` if they are not finite.
+/// Returns the unit direction from point `a` to point `b` and their distance; `None` if they are not finite.
 fn direction_and_length(a: DVec3, b: DVec3) -> Option<(DVec3, f64)> {
     let d = b - a;
     let largest = d.abs().max_element();

@@ -16,14 +16,15 @@ use std::ops::Range;
 struct Rule {
     /// Largest estimated error of a pixel's colour channel (colours in `[0, 1]`).
     tolerance: f64,
-    /// Number of quadrature panels at the start, enough not to miss a narrow shadow.
+    /// Number of intervals with which the adaptive quadrature along a camera ray starts, enough not to miss a narrow
+    /// shadow.
     first_panels: usize,
-    /// Largest number of quadrature panels along a ray.
+    /// Largest number of intervals into which the adaptive quadrature divides a camera ray.
     most_panels: usize,
 }
 
 const RULE: Rule = Rule { tolerance: 5e-5, first_panels: 6, most_panels: 200 };
-/// Finer quadrature of a pixel's colour, against which the normal accuracy is tested.
+/// Finer settings of the quadrature of a pixel's colour, by which the error of the normal settings is estimated.
 const FINER: Rule = Rule { tolerance: RULE.tolerance / 16.0, first_panels: 24, most_panels: 800 };
 
 /// Gauss-Kronrod rule with 15 nodes on `[-1, 1]`: node, its Kronrod weight, and its weight in the 7-point Gauss rule.
@@ -46,7 +47,7 @@ impl ExactField<'_> {
         self.picture_rows(scene, 0..scene.height)
     }
 
-    /// Renders the given rows of the exact picture ([`Self::picture`]).
+    /// Renders only the given rows of pixels of the exact picture ([`Self::picture`]).
     pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Array3<f32> {
         let (width, height) = (scene.width as usize, rows.len());
         let first = f64::from(rows.start);
@@ -58,8 +59,9 @@ impl ExactField<'_> {
         })
     }
 
-    /// Returns an error estimate of the exact picture ([`Self::picture`]). It is the largest change of a channel with
-    /// a sixteenth of the tolerance and panels a quarter as wide, over about `count` evenly spread pixels.
+    /// Returns an error estimate of the exact picture ([`Self::picture`]). It is the largest change of a channel if
+    /// the quadrature has a sixteenth of the tolerance and starts with intervals a quarter as wide, over about
+    /// `count` evenly spread pixels.
     ///
     /// All other parts of a pixel are exact to 1e-12: the optical depth of its ray and of each shadow ray. One ray
     /// per pixel is part of the model, not an approximation.
@@ -77,8 +79,8 @@ impl ExactField<'_> {
             .reduce(|| 0.0, f64::max)
     }
 
-    /// Returns the light at a point (world mm) in each channel: ambient light, and the attenuated light of each light
-    /// source times `factor`.
+    /// Returns the light that reaches a point (world mm) in each colour channel: ambient light, and the attenuated
+    /// light of each light source times its shading `factor`.
     fn lit(&self, scene: &Scene, x: DVec3, factor: impl Fn(&Light) -> f64) -> [f64; 3] {
         let mut lit = [scene.ambient; 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
@@ -91,7 +93,7 @@ impl ExactField<'_> {
         lit
     }
 
-    /// Returns linear RGB and opacity along the exact ray through the centre of one pixel.
+    /// Returns the exact linear RGB and opacity of one pixel, along the camera ray through its centre.
     fn pixel(&self, scene: &Scene, column: f64, row: f64, rule: Rule) -> [f64; 4] {
         let eye = scene.camera.eye;
         let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
@@ -144,8 +146,8 @@ pub(super) fn first_surface(scene: &Scene, eye: DVec3, direction: DVec3) -> Opti
     scene.mesh.as_ref()?.first_hit(eye, direction, [0.0, f64::INFINITY])
 }
 
-/// Returns the step between evenly spread pixels. It is coprime to the width, so that the pixels do not stay in a few
-/// columns.
+/// Returns the step, in pixels counted row by row, between evenly spread sample pixels. It is coprime to the width,
+/// so that the pixels do not stay in a few columns.
 fn spread_step(width: usize, height: usize, count: usize) -> usize {
     fn gcd(a: usize, b: usize) -> usize {
         if b == 0 { a } else { gcd(b, a % b) }
@@ -154,7 +156,7 @@ fn spread_step(width: usize, height: usize, count: usize) -> usize {
     (least..).find(|step| gcd(*step, width.max(1)) == 1).unwrap_or(least)
 }
 
-/// Panel of the adaptive quadrature: a part of the integration interval, with its integral and error estimate.
+/// Interval (panel) of the adaptive quadrature, with the integral over it and an error estimate.
 struct Panel {
     from: f64,
     to: f64,
@@ -183,8 +185,8 @@ impl Panel {
     }
 }
 
-/// Returns the integral of `f` over `[0, end]` by adaptive quadrature. The panel with the largest error is bisected
-/// until the sum of the errors is below the tolerance.
+/// Returns the integral of `f` over `[0, end]` by adaptive quadrature. The interval with the largest error is
+/// bisected until the sum of the errors is below the tolerance.
 fn integrate(f: impl Fn(f64) -> [f64; 3], end: f64, rule: Rule) -> [f64; 3] {
     let at = |i: usize| end * i as f64 / rule.first_panels as f64;
     let mut panels: Vec<_> = (0..rule.first_panels).map(|i| Panel::new(&f, at(i), at(i + 1))).collect();

@@ -1,4 +1,4 @@
-//! Exact shading factor `f` of the shading model, in float64.
+//! Exact factor by which shading (surface normals or strand directions) changes the light at a point, in float64.
 //!
 //! The gradient is the central difference of the trilinear value over one voxel along each index axis, half a voxel
 //! to either side. It is clamped at the edge like the value, and transformed to world by the inverse transpose of the
@@ -13,8 +13,9 @@ use crate::volume::Voxel;
 use crate::with_voxels;
 use glam::{DMat3, DVec3};
 
-/// Strength and exponent of the specular highlight of `blinn-phong` and `kajiya-kay` shading.
+/// Strength of the specular highlight of `blinn-phong` and `kajiya-kay` shading.
 const HIGHLIGHT: f64 = 0.3;
+/// Exponent of the specular highlight of `blinn-phong` and `kajiya-kay` shading.
 const GLOSS: i32 = 32;
 
 impl ExactField<'_> {

@@ -1,5 +1,5 @@
-//! Traversal of a ray through the volume cell by cell. The cubic of each cell is cut where the value passes from one
-//! interval of the transfer function to the next.
+//! Traversal of a ray through the volume cell by cell. The value within a cell is a cubic, which is cut where the
+//! value passes from one interval of the transfer function to the next.
 
 use super::blocks::{Blocks, Labelled, block_of, cells_of};
 use super::cubic::Cubic;
@@ -19,8 +19,8 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    /// Clips a ray to the volume's domain and to the distances `[from_mm, to_mm]`. Returns `None` if nothing is left
-    /// or a number is not finite.
+    /// Clips a ray to the volume's domain and to the distances `[from_mm, to_mm]`. Returns `None` if no part of the
+    /// ray is left or a number is not finite.
     pub fn clipped(
         origin: DVec3,
         direction: DVec3,
@@ -50,16 +50,17 @@ impl Ray {
     }
 }
 
-/// Piece of a ray on which extinction is smooth: within one cell and one interval of the transfer function.
+/// Interval of a ray on which extinction is smooth: within one volume cell and one interval of the transfer function.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayPiece {
     pub start_mm: f64,
     pub end_mm: f64,
-    /// Index of the transfer function that applies to the piece of the ray.
+    /// Index of the transfer function that applies to this interval of the ray.
     pub function: usize,
-    /// Index of the extinction formula in [`Laws::laws`] of the piece's transfer function; never [`Law::Clear`].
+    /// Index of the extinction formula of this ray interval in [`Laws::laws`] of its transfer function; never
+    /// [`Law::Clear`].
     pub law: usize,
-    /// Volume value along the piece of the ray, as a cubic over `[0, 1]` from start to end.
+    /// Volume value along this interval of the ray, as a cubic over `[0, 1]` from start to end.
     pub value: Cubic,
 }
 
@@ -74,7 +75,7 @@ pub(super) struct VoxelGrid<'a, V> {
 }
 
 impl<V: Voxel> VoxelGrid<'_, V> {
-    /// Calls `visit` with every piece of the ray that has extinction, in order, until `visit` returns `Break`.
+    /// Calls `visit` with every interval of the ray that has extinction, in order, until `visit` returns `Break`.
     #[inline]
     pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(RayPiece) -> ControlFlow<()>) {
         let mut cell = CellTraversal::new(ray, self.dims);
@@ -106,7 +107,8 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         }
     }
 
-    /// Calls `visit` with the ray pieces of a cell that is split halfway between voxels of different labels.
+    /// Calls `visit` with the ray intervals in a volume cell that is split halfway between voxels of different
+    /// segmentation labels.
     fn visit_labelled(
         &self,
         cell: &CellTraversal<'_>,
@@ -130,7 +132,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         ControlFlow::Continue(())
     }
 
-    /// Calls `visit` with the ray pieces of a cell to which a single transfer function applies.
+    /// Calls `visit` with the ray intervals in a volume cell to which a single transfer function applies.
     #[inline]
     fn visit(
         &self,
@@ -150,7 +152,8 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         cut((function, laws), [first, last], value, [start_mm, end_mm], visit)
     }
 
-    /// Returns the smallest and largest scaled value at the corners of a cell.
+    /// Returns the smallest and largest value at the corners of a volume cell, after the mapping from stored to
+    /// physical values.
     #[inline]
     fn range(&self, corner: &[V; 8]) -> (f64, f64) {
         let (mut min, mut max) = (corner[0], corner[0]);
@@ -163,20 +166,20 @@ impl<V: Voxel> VoxelGrid<'_, V> {
     }
 }
 
-/// State of the traversal of a ray through cells. Cell `c` on an axis lies between the voxel centres `c` and `c + 1`,
-/// from -1 (before the first centre) to `n - 1` (beyond the last).
+/// State of the traversal of a ray through volume cells. Cell `c` on an axis lies between the voxel centres `c` and
+/// `c + 1`, from -1 (before the first centre) to `n - 1` (beyond the last).
 struct CellTraversal<'r> {
     ray: &'r Ray,
     dims: [i64; 3],
     cell: [i64; 3],
-    /// Distance at which the ray leaves the current cell through the face of each axis, mm.
+    /// Distances along the ray at which it reaches the far face of the current volume cell on each axis, mm.
     next_mm: [f64; 3],
     at_mm: f64,
     axis: usize,
     stride: [i64; 3],
     offset: [[usize; 2]; 3],
     block: [i64; 3],
-    /// Whether the ray has entered another block of cells.
+    /// Whether the ray has just entered another block of volume cells.
     entered_block: bool,
 }
 
@@ -219,7 +222,8 @@ impl<'r> CellTraversal<'r> {
         }
     }
 
-    /// Returns the interval of the ray in the current cell; empty where the ray passes through an edge or a corner.
+    /// Returns the start and end of the ray within the current volume cell; the interval is empty where the ray
+    /// passes through an edge or a corner.
     #[inline]
     fn advance(&mut self) -> (f64, f64) {
         let [x, y, z] = self.next_mm;
@@ -235,7 +239,7 @@ impl<'r> CellTraversal<'r> {
         (start, self.at_mm)
     }
 
-    /// Moves to the next cell along the ray; returns false at the end of the ray.
+    /// Moves to the next volume cell along the ray; returns false at the end of the ray.
     #[inline]
     fn step(&mut self) -> bool {
         let axis = self.axis;
@@ -247,7 +251,8 @@ impl<'r> CellTraversal<'r> {
         true
     }
 
-    /// Moves along the ray to the first cell behind the current block; returns false at the end of the ray.
+    /// Moves along the ray to the first volume cell behind the current block of cells; returns false at the end of
+    /// the ray.
     fn leap(&mut self) -> bool {
         let (mut exit_mm, mut exit_axis) = (f64::INFINITY, 0);
         for axis in 0..3 {
@@ -305,8 +310,8 @@ impl<'r> CellTraversal<'r> {
         side(0) + side(1) + side(2)
     }
 
-    /// Returns the trilinear value of a cell along the ray from `start` to `end`, as a cubic over `[0, 1]`. The
-    /// values at the corners are `corner[x + 2 y + 4 z]`.
+    /// Returns the trilinear value of a volume cell along the ray from `start` to `end`, as a cubic over `[0, 1]`.
+    /// The values at the corners are `corner[x + 2 y + 4 z]`.
     ///
     /// Only differences of corners are scaled, so that a constant cell gives exactly its value.
     #[inline]
@@ -334,11 +339,11 @@ impl<'r> CellTraversal<'r> {
     }
 }
 
-/// Cuts the cubic of a cell where the value passes from one interval of the transfer function to another, and visits
-/// the pieces with extinction.
+/// Cuts the ray in a volume cell where the value passes from one interval of the transfer function to another, and
+/// visits the parts with extinction.
 ///
 /// `lowest` and `highest` are the transfer function intervals of the smallest and largest value at the corners of the
-/// cell. They bound the value against rounding where it leaves a plateau.
+/// cell. Rounding of the value cannot lead outside of them.
 fn cut(
     (function, laws): (usize, &Laws),
     [lowest, highest]: [usize; 2],

@@ -1,4 +1,4 @@
-//! Points of the volume that the camera sees, distributed by their contribution to the picture.
+//! Random points in the volume that the camera sees, distributed by their contribution to the picture.
 
 use super::ExactField;
 use super::picture::first_surface;
@@ -7,17 +7,17 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Point of the volume that the camera sees.
+/// Random point in the volume that the camera sees, with its weight in statistics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VisiblePoint {
-    /// Position of the visible point, world mm.
+    /// Position of a random point in the volume that the camera sees, world mm.
     pub position: DVec3,
-    /// Weight of the visible point in statistics: the opacity of its pixel, in `(0, 1]`.
+    /// Weight of a visible sample point in statistics: the opacity of its pixel, in `(0, 1]`.
     pub weight: f64,
 }
 
-/// Largest number of candidate pixels tried for each requested visible point. More are needed only where the camera
-/// sees next to nothing.
+/// Largest number of pixels that are tried for each requested visible sample point. More would be needed only where
+/// the camera sees next to nothing.
 const MOST_CANDIDATES_PER_POINT: usize = 64;
 
 impl ExactField<'_> {
@@ -47,8 +47,8 @@ impl ExactField<'_> {
         points
     }
 
-    /// Returns the median visible point of each pixel in the given rows, row by row: half of the pixel's opacity lies
-    /// in front of it. It is `None` for pixels without opacity.
+    /// Returns the median visible point behind each pixel in the given rows, row by row: half of the pixel's opacity
+    /// lies in front of it. It is `None` for pixels without opacity.
     pub fn visible_points_of_pixels(&self, scene: &Scene, rows: Range<u32>) -> Vec<Option<VisiblePoint>> {
         let width = u64::from(scene.width);
         let pixels = (u64::from(rows.start) * width..u64::from(rows.end) * width).into_par_iter();

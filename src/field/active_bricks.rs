@@ -7,23 +7,26 @@ use glam::{DAffine3, DVec3, IVec3, USizeVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Active bricks (blocks of voxel cells with extinction under a transfer function), and the distances to them.
+/// Active bricks of a volume (blocks of voxel cells with extinction under a transfer function), and the distance of
+/// every brick to them.
 #[derive(Debug, Clone)]
 pub struct ActiveBricks {
-    /// Number of bricks along each axis of the volume.
+    /// Number of bricks (blocks of voxel cells) along each axis of the volume.
     pub counts: [usize; 3],
-    /// Chebyshev distance of each brick to the nearest active brick (with extinction), in bricks, x fastest. An
-    /// active brick has 0; 255 means 255 or more.
+    /// Chebyshev distance of each brick to the nearest active brick (block of cells with extinction), in bricks, x
+    /// fastest. An active brick has 0; 255 means 255 or more.
     pub distance: Vec<u8>,
-    /// Number of active bricks: those with extinction under the transfer function.
+    /// Number of active bricks: blocks of voxel cells with extinction under the transfer function.
     pub active: usize,
-    /// First and last brick (inclusive) of the bounding box of all active bricks; `None` if no brick is active.
+    /// Grid positions of the first and last brick (inclusive) in the bounding box of all active bricks; `None` if no
+    /// brick is active.
     pub bounds: Option<[[usize; 3]; 2]>,
     outer: OnceLock<Vec<IVec3>>,
 }
 
-/// Returns the intervals of voxel values to which a transfer function gives extinction. They are closed, disjoint and
-/// in rising order, and include both sides of a jump; the outer ends may be infinite.
+/// Returns the intervals of voxel values to which a transfer function gives extinction. The intervals are closed,
+/// disjoint and in rising order; the outermost ends may be infinite. Where extinction jumps to 0 at a control point,
+/// the interval includes the point.
 pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     let points = &tf.points;
     let mut intervals: Vec<[f64; 2]> = Vec::new();
@@ -50,11 +53,12 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     intervals
 }
 
-/// Distance in bricks by which a brick must lie beyond a clip plane to count as clipped. It exceeds the float32 error
-/// of clip planes.
+/// Distance by which a brick (block of voxel cells) must lie beyond a clip plane to count as clipped, in brick
+/// widths. It exceeds the float32 error of clip planes.
 const CLIP_MARGIN: f64 = 0.01;
 
-/// Returns the clip planes as normals and offsets in brick coordinates, in which each brick is a unit cube.
+/// Returns the clip planes of a transfer function as normals and offsets in brick coordinates, where each brick
+/// (block of voxel cells) is a unit cube.
 fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64)> {
     // Cell c begins at index c - 1.
     let world_from_bricks = bricks.world_from_index
@@ -63,7 +67,7 @@ fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64
     tf.clip.iter().map(|plane| plane.in_coordinates(world_from_bricks)).collect()
 }
 
-/// Whether a clip plane removes a whole brick.
+/// Whether a clip plane removes a whole brick (block of voxel cells) of the volume.
 fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) -> bool {
     let low = DVec3::new((brick % nx) as f64, (brick / nx % ny) as f64, (brick / (nx * ny)) as f64);
     planes.iter().any(|&(normal, offset)| {
@@ -73,8 +77,8 @@ fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) ->
     })
 }
 
-/// Returns, for each transfer function that labels select, the labels that use it and its intervals of values with
-/// extinction. Gaps between these intervals shrink by `blur` on both sides.
+/// Returns, for each transfer function in use, the segmentation labels that use it and its intervals of voxel values
+/// with extinction. Each interval grows by `blur` into the gap between it and the next one.
 fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec<(RankSet, Vec<[f64; 2]>)> {
     let is_one_of_several = bricks.labels.is_some() && !tf.rules.is_empty();
     let blurred = |tf: &TransferFunction| {
@@ -104,14 +108,15 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
 }
 
 impl ActiveBricks {
-    /// Finds the active bricks: those whose range of voxel values has extinction under a transfer function.
+    /// Finds the active bricks of a volume: blocks of cells whose range of voxel values has extinction under a
+    /// transfer function.
     pub fn of(bricks: &Bricks, tf: &TransferFunction) -> Self {
         Self::blurred(bricks, tf, 0.0)
     }
 
-    /// Finds the active bricks where tables blur the transfer function by `blur`, in units of the volume's values.
-    /// Gaps between intervals of values with extinction shrink by `blur` on both sides; the outer ends of all
-    /// intervals stay.
+    /// Finds the active bricks of a volume, like [`Self::of`]. Each interval of voxel values with extinction grows by
+    /// `blur` towards its neighbours, since lookup tables blur the transfer function by one bin. The outermost ends
+    /// grow only if labels use several transfer functions.
     pub fn blurred(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Self {
         let classes = intervals_of_labels(bricks, tf, blur);
         let planes = planes_over_bricks(bricks, tf);
@@ -132,8 +137,8 @@ impl ActiveBricks {
         Self::from_seeds(bricks.counts, distance)
     }
 
-    /// Computes the distances of all bricks to the nearest active one (brick with extinction). `distance` holds 0 for
-    /// active bricks and 255 for others.
+    /// Computes the distances of all bricks to the nearest active brick (block of cells with extinction). `distance`
+    /// holds 0 for active bricks and 255 for others.
     fn from_seeds(counts: [usize; 3], mut distance: Vec<u8>) -> Self {
         let (active, bounds) = count_and_bounds(counts, &distance);
         // With no or only active bricks, these are the distances.
@@ -143,16 +148,16 @@ impl ActiveBricks {
         Self { counts, distance, active, bounds, outer: OnceLock::new() }
     }
 
-    /// Returns the distance of a brick to the nearest active one (brick with extinction), in bricks; `None` outside
-    /// the volume.
+    /// Returns the distance from a brick to the nearest active brick (block of cells with extinction), in bricks;
+    /// `None` outside the volume.
     pub fn distance_at(&self, brick: IVec3) -> Option<u8> {
         let counts = IVec3::from_array(self.counts.map(|n| n as i32));
         let there = brick.cmpge(IVec3::ZERO).all() && brick.cmplt(counts).all();
         there.then(|| self.distance[((brick.z * counts.y + brick.y) * counts.x + brick.x) as usize])
     }
 
-    /// Returns the bricks with extinction on the surface: those with a face at a brick without extinction or at the
-    /// border of the volume.
+    /// Returns the active bricks (blocks of cells with extinction) on the surface: a neighbour across a face is
+    /// empty, or the brick lies at the border of the volume.
     pub fn outer(&self) -> &[IVec3] {
         self.outer.get_or_init(|| {
             let [nx, ny, nz] = self.counts;
@@ -173,8 +178,8 @@ impl ActiveBricks {
         })
     }
 
-    /// Returns the bounding box of the active bricks (those with extinction) in voxel index coordinates. It is
-    /// clipped to the domain `[-0.5, n - 0.5]` of a volume of `dims` voxels.
+    /// Returns the bounding box of the active bricks (blocks of cells with extinction) in voxel index coordinates. It
+    /// is clipped to the domain `[-0.5, n - 0.5]` of a volume of `dims` voxels.
     pub fn index_box(&self, dims: [usize; 3]) -> Option<[DVec3; 2]> {
         let [first, last] = self.bounds?;
         // Grid space is index space plus one.
@@ -182,8 +187,8 @@ impl ActiveBricks {
     }
 }
 
-/// Returns the box around the bricks from `first` to `last` in grid space (voxel index + 1), clipped to the volume's
-/// domain `[0.5, n + 0.5]`.
+/// Returns the box that contains the bricks (blocks of voxel cells) from `first` to `last`, in voxel index
+/// coordinates plus one. The box is clipped to the volume's domain `[0.5, n + 0.5]`.
 pub(super) fn brick_box(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> [DVec3; 2] {
     let low = first.map(|b| ((BRICK_CELLS * b) as f64).max(0.5));
     let high = std::array::from_fn(|a| ((BRICK_CELLS * (last[a] + 1)) as f64).min(dims[a] as f64 + 0.5));

@@ -12,15 +12,17 @@ use crate::volume::Volume;
 /// device.
 #[derive(Clone, Copy)]
 pub struct BuildContext<'a> {
-    /// Compute pipelines of the graphics device.
+    /// Compute pipelines on the graphics device, which run the build passes of the shadow map.
     pub kernels: &'a Kernels,
-    /// Pace of building a shadow map: it sets the number of tiles per submission to the device.
+    /// Choice of the number of shadow-map tiles in each submission to the graphics device, which limits the duration
+    /// of a submission.
     pub pace: &'a TilePace,
-    /// Sizes of the memory pool for curve nodes that earlier builds of deep shadow maps needed for this volume.
+    /// Sizes of the memory pool for curve nodes in earlier builds of deep shadow maps for this volume.
     pub pool_sizes: &'a PoolSizes,
     /// Volume that casts the shadows.
     pub volume: &'a Volume,
-    /// Transfer function on the graphics device, with its tables and active bricks.
+    /// Transfer function on the graphics device, with its lookup tables and the active bricks (blocks of cells with
+    /// extinction).
     pub transfer: &'a DeviceTransfer,
     /// Strands (hair or fibres) from which the volume was voxelised; `None` for other volumes.
     pub strands: Option<&'a VoxelisedStrands>,
@@ -36,8 +38,8 @@ impl BuildContext<'_> {
         self.kernels.gpu()
     }
 
-    /// Returns the projection of a shadow map, fitted to the active bricks (those with extinction) or to the visible
-    /// ones.
+    /// Returns the projection of a shadow map. It is fitted to all active bricks (blocks of cells with extinction),
+    /// or to those in the camera's view.
     pub fn light_space(&self, shape: MapShape) -> LightSpace {
         let active = &self.transfer.active;
         let mut space = LightSpace::fit(self.volume, active, self.light, shape, self.view);
@@ -80,8 +82,8 @@ impl BuildContext<'_> {
         uniform_buffer(self.gpu(), "light space", &light_space.uniform())
     }
 
-    /// Runs a compute pass whose shader reads the volume and its transfer function. `shadow` and `stage` are bind
-    /// groups 1 and 2 of the shader.
+    /// Runs one compute pass of a shadow-map build. Its shader reads the volume and the transfer function; `shadow`
+    /// and `stage` are bind groups 1 and 2 of the shader.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -96,8 +98,9 @@ impl BuildContext<'_> {
         self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
     }
 
-    /// Runs a compute pass in batches, with one workgroup per entry of a work list. Binding 0 of bind group 2 is the
-    /// batch's part of the list; `stage` holds the other bindings of that group.
+    /// Runs a compute pass of a shadow-map build over a list, such as a list of tiles, with one workgroup per list
+    /// entry. The list is split into batches, one submission each. Binding 0 of bind group 2 is the batch's part of
+    /// the list; `stage` holds the other bindings of that group.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -118,8 +121,8 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Runs a compute pass once per step, in batches of steps. Each step has its own bind group 2 and dispatch size,
-    /// and reads what earlier steps stored.
+    /// Runs a compute pass of a shadow-map build once per step, where each step reads what earlier steps stored.
+    /// Steps differ in bind group 2 and dispatch size; a batch of several steps is one submission.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -138,8 +141,8 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Waits until the device is idle if submissions are timed, so that work of other threads does not count as build
-    /// time.
+    /// Waits until the device is idle, if the duration of submissions is limited. The work of other threads then does
+    /// not count as build time.
     fn wait_until_idle(&self) {
         if self.pace.is_limited() {
             // A lost device is reported by the pass itself.

@@ -1,19 +1,22 @@
-//! Strand directions on the graphics device: second moments as half floats, a format that every adapter can filter.
+//! Directions of strands (hair or fibres) in each voxel, on the graphics device: second moments as half floats, a
+//! format that every adapter can filter.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Slot, VolumeTexture, clamp_sampler};
 use crate::volume::DirectionMoments;
 use half::f16;
 
-/// Bytes per voxel for the second moments of strand directions: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
+/// Bytes per voxel for the second moments of strand directions. One texture holds the moments `xx, yy, zz, xy`, and
+/// another one `xz, yz`.
 const VOXEL_BYTES: usize = 12;
 
-/// Binary exponent of the largest trace of a scaled second-moment tensor, which lies in `2^13` to `2^14`. Smaller
-/// moments keep all digits down to `2^-14`, and sums of filtered texels stay in the range of a half float.
+/// Binary exponent to which the second moments of strand directions are scaled: the largest trace of a moment tensor
+/// then lies between `2^13` and `2^14`. Moments as small as `2^-14` keep all digits of a half float, and sums of
+/// filtered texels do not overflow.
 const LARGEST_EXPONENT: f64 = 13.0;
 
-/// Second moments of strand directions in each voxel, as textures on the device. They are scaled by a power of 2,
-/// since only their ratios matter.
+/// Second moments of the strand directions in each voxel, as textures on the device. All moments are scaled by one
+/// power of 2, since shading needs only their ratios.
 pub struct DeviceDirections {
     moments: VolumeTexture,
     more_moments: VolumeTexture,
@@ -23,7 +26,8 @@ pub struct DeviceDirections {
 }
 
 impl DeviceDirections {
-    /// Returns the bytes that strand directions take on the device for a volume of `dims` voxels.
+    /// Returns the number of bytes that the directions of strands (hair or fibres) take on the device for a volume of
+    /// `dims` voxels.
     pub fn bytes_of(dims: [usize; 3]) -> u64 {
         dims.iter().product::<usize>() as u64 * VOXEL_BYTES as u64
     }
@@ -69,7 +73,8 @@ impl DeviceDirections {
     }
 }
 
-/// Returns the power of 2 that scales the largest trace of a second-moment tensor to [`LARGEST_EXPONENT`].
+/// Returns the power of 2 by which the second moments of strand directions are scaled, from the largest trace of a
+/// moment tensor.
 fn scale(largest_trace: f64) -> f64 {
     match largest_trace > 0.0 {
         true => (LARGEST_EXPONENT - largest_trace.log2().floor()).exp2(),

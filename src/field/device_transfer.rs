@@ -1,4 +1,5 @@
-//! Transfer function of a volume on the graphics device: its tables, the active bricks and the distances to them.
+//! Transfer function of a volume on the graphics device: its lookup tables, the active bricks (blocks of cells with
+//! extinction), and the distance of every brick to them.
 
 use super::fold::FoldUniform;
 use super::merged_function::MergedFunction;
@@ -46,7 +47,8 @@ struct FieldUniform {
     pub fold: FoldUniform,
 }
 
-/// Uniform of the intervals of a transfer function: `IntervalTable` of `shaders/field/transfer.wgsl`.
+/// Uniform with the intervals between the control points of a transfer function: `IntervalTable` of
+/// `shaders/field/transfer.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct IntervalTable {
@@ -66,56 +68,61 @@ fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
     Ok(table)
 }
 
-/// Device data that depends on the transfer function. An edit of the function replaces it; the volume texture stays.
+/// Device data that depend on the transfer function. Each edit of the transfer function replaces them; the volume
+/// texture stays.
 pub struct DeviceTransfer {
-    /// Active bricks of the volume: those with extinction under the transfer function.
+    /// Active bricks of the volume: blocks of cells with extinction under the transfer function.
     pub active: ActiveBricks,
-    /// Host time to make the tables of the transfer function, ms.
+    /// Host time to compute the lookup tables of the transfer function, ms.
     pub table_ms: f64,
-    /// Host time to classify the volume's bricks as active or empty, ms.
+    /// Host time to classify the volume's bricks (blocks of voxel cells) as active or empty, ms.
     pub classify_ms: f64,
-    /// Bytes on the device of the transfer function's tables and of each brick's distance to the nearest active
-    /// brick. [`MarchTable`] counts the pre-compressed table of breakpoints.
+    /// Size on the device of the transfer function's lookup tables and the brick distances, bytes. The breakpoint
+    /// table for the light march is not included; see [`MarchTable`].
     pub bytes: u64,
     /// Whether the volume has no extinction at all under the transfer function.
     pub empty: bool,
-    /// Whether the transfer function gives all extinction one colour. Its tables then store no colour.
+    /// Whether the transfer function has one colour wherever it has extinction. Its lookup tables then store no
+    /// colour.
     pub one_color: bool,
     /// Whether the transfer function has clip planes.
     pub clips: bool,
     /// Whether segmentation labels of the volume use different transfer functions.
     labelled: bool,
-    /// Optimizations that are disabled (`--no-skip`) in all shaders and tables of this transfer function.
+    /// Optimizations that the user disables with `--no-skip`, for all shaders and lookup tables of this transfer
+    /// function.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
-    /// Whether the volume texture is folded to fit the adapter's limit on 3-D textures.
+    /// Whether the volume texture is folded: the volume is longer than a 3-D texture may be, and is stored as tiles
+    /// side by side.
     folded: bool,
     bindings: Bindings,
-    /// Bind group 0 without the pre-compressed table of transfer-function breakpoints.
+    /// Bind group 0 of the shaders that do not read the lookup table of transfer-function breakpoints.
     plain_group: Group,
     march: OnceLock<MarchTable>,
-    /// Transfer function that the device tables represent.
+    /// Transfer function from which the lookup tables on the device were computed.
     tf: TransferFunction,
     mapping: TexelMapping,
     largest_texel: f64,
 }
 
-/// Pre-compressed table on the device: breakpoints of the transfer function between two values (Hadwiger et al. 2006,
-/// 3.2).
+/// Breakpoint table on the device: for each two voxel values, the control points of the transfer function between
+/// them (the pre-compressed table of Hadwiger et al. 2006, 3.2).
 pub struct MarchTable {
-    /// Bind group 0 with the pre-compressed table of transfer-function breakpoints.
+    /// Bind group 0 of the shaders that read the lookup table of transfer-function breakpoints.
     group: Group,
     view: wgpu::TextureView,
-    /// Whether the light march has to search for breakpoints of the transfer function that the pre-compressed table
-    /// cannot hold.
+    /// Whether some entries of the breakpoint table cannot hold all breakpoints of the transfer function, so that the
+    /// light march has to search for them.
     pub many_breakpoints: bool,
-    /// Host time to make the pre-compressed table of transfer-function breakpoints, ms.
+    /// Host time to compute the lookup table of transfer-function breakpoints between two voxel values, ms.
     pub table_ms: f64,
-    /// Bytes of the pre-compressed table of transfer-function breakpoints.
+    /// Size on the device of the lookup table of transfer-function breakpoints between two voxel values, bytes.
     pub bytes: u64,
 }
 
-/// Resources of bind group 0, except the pre-compressed table of transfer-function breakpoints.
+/// Resources of bind group 0 (the volume and its transfer function), except the lookup table of transfer-function
+/// breakpoints.
 #[derive(Clone)]
 struct Bindings {
     field: wgpu::Buffer,
@@ -125,7 +132,8 @@ struct Bindings {
     intervals: wgpu::Buffer,
     integrals: wgpu::TextureView,
     extinction: wgpu::TextureView,
-    /// Texture of the voxels' segmentation labels, and the shift of voxel values for each label.
+    /// Texture with the segmentation label of each voxel, and the offset that shaders add to the voxel values of each
+    /// label. `None` without labels.
     labels: Option<(wgpu::TextureView, wgpu::Buffer)>,
 }
 
@@ -153,16 +161,18 @@ impl Bindings {
     }
 }
 
-/// Largest float32 error of a voxel value along a ray, as a share of the largest texel value: 2^-19. It covers about
-/// 16 roundings in trilinear interpolation, the tolerance of a transfer-function breakpoint's root, and the rounding
-/// of the breakpoint.
+/// Largest float32 error of an interpolated voxel value along a ray, relative to the largest texel value: 2^-19. It
+/// covers about 16 roundings in trilinear interpolation, and the rounding and root tolerance of a transfer-function
+/// breakpoint.
 const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
 
 impl DeviceTransfer {
-    /// Makes the device tables of a transfer function, and classifies the volume's bricks as active or empty.
+    /// Computes the lookup tables of a transfer function on the device, and classifies the volume's bricks (blocks of
+    /// voxel cells) as active or empty.
     ///
     /// # Errors
-    /// The transfer function has more pieces than the device tables hold, or the device is out of memory.
+    /// The transfer function has more intervals between control points than the device tables hold, or the device is
+    /// out of memory.
     pub fn new(
         gpu: &Gpu,
         loaded: &LoadedVolume,
@@ -218,14 +228,14 @@ impl DeviceTransfer {
         Ok(made)
     }
 
-    /// Returns the transfer function that the device tables represent. For a volume with segmentation labels, it
-    /// holds the functions of all labels side by side.
+    /// Returns the transfer function from which the lookup tables on the device were computed. For a volume with
+    /// segmentation labels, it holds the functions of all labels side by side.
     pub fn function(&self) -> &TransferFunction {
         &self.tf
     }
 
-    /// Returns the device data with the colours of another transfer function, whose extinction must be the same at
-    /// all values of the volume. Only the table of colour integrals is replaced.
+    /// Returns a copy of these device data with the colours of another transfer function, whose extinction must be
+    /// the same at all values of the volume. Only the lookup table of colour integrals is replaced.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -260,24 +270,23 @@ impl DeviceTransfer {
         })
     }
 
-    /// Returns the bin width of the table of extinction integrals, in units of the volume's values.
+    /// Returns the bin width in the lookup table of extinction integrals, in units of the volume's values.
     pub fn value_bin(&self) -> f64 {
         self.mapping.scale / f64::from(self.uniform.table_per_value)
     }
 
-    /// Returns the largest float32 error of a voxel value along a ray, in units of the volume's values. It covers
-    /// trilinear interpolation and the transfer-function breakpoints that the value is compared with; see
-    /// `docs/bound.md`, "Values".
+    /// Returns the largest float32 error of an interpolated voxel value along a ray, in units of the volume's values.
+    /// It also covers the rounding of transfer-function breakpoints; see `docs/bound.md`, "Values".
     pub fn value_rounding(&self) -> f64 {
         VALUE_ROUNDING * self.largest_texel * self.mapping.scale
     }
 
-    /// Returns the pre-compressed table of transfer-function breakpoints, if a compute pass has needed it.
+    /// Returns the lookup table of transfer-function breakpoints; `None` if no compute pass has needed it.
     pub fn march_table(&self) -> Option<&MarchTable> {
         self.march.get()
     }
 
-    /// Returns the pre-compressed table of transfer-function breakpoints; the first call makes it.
+    /// Returns the lookup table of transfer-function breakpoints; the first call computes it.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -300,14 +309,15 @@ impl DeviceTransfer {
         }))
     }
 
-    /// Returns bind group 0, which holds the volume, the transfer function and the distances to active bricks.
+    /// Returns bind group 0, which holds the volume, the transfer function, and the distance of every brick to the
+    /// nearest active brick (block of cells with extinction).
     pub fn group(&self) -> &Group {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// Adds the shader definitions that the transfer function and its volume need: clip planes, labels, a folded
-    /// texture, and the search for breakpoints. For a shader that marches cell by cell, it also makes the
-    /// pre-compressed table of transfer-function breakpoints.
+    /// Adds the shader definitions (`#ifdef`) that a transfer function and its volume need: for clip planes,
+    /// segmentation labels, a folded (tiled) volume texture, and the search for breakpoints. For a shader that
+    /// marches light rays cell by cell, it also computes the lookup table of transfer-function breakpoints.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -323,13 +333,13 @@ impl DeviceTransfer {
     }
 }
 
-/// Returns the linear RGB colour of all extinction, if the transfer function gives only one colour.
+/// Returns the linear RGB colour of the transfer function, if it has one colour wherever it has extinction.
 fn one_color(tf: &TransferFunction, disabled: DisabledOptimizations) -> Option<[f32; 3]> {
     tf.one_color().filter(|_| !disabled.has(Optimization::Colors)).map(|color| color.map(|c| c as f32))
 }
 
-/// Returns a stand-in for the pre-compressed table of transfer-function breakpoints, for pipelines that do not read
-/// it.
+/// Returns a texture of one texel in place of the lookup table of transfer-function breakpoints, for pipelines that
+/// do not read the table.
 fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
     table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
 }
@@ -373,7 +383,8 @@ fn field_uniform(
     }
 }
 
-/// Converts clip planes of a transfer function to a volume's grid space. Unused entries are planes that clip nothing.
+/// Converts the clip planes of a transfer function to a volume's grid space (voxel index plus one). Unused elements
+/// of the array are planes that clip nothing.
 fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLANES] {
     let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
     let world_from_grid = grid_from_world(volume).inverse();
@@ -385,8 +396,8 @@ fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLAN
     planes
 }
 
-/// Creates the table of integrals of extinction and colour over the voxel value; a single texel if there is only one
-/// colour.
+/// Creates the lookup table of the transfer function's colour integrals over the voxel value. With only one colour,
+/// it is a single texel.
 fn color_integrals(
     gpu: &Gpu,
     tables: &TransferTables,

@@ -1,4 +1,4 @@
-//! Voxel values of a volume in a device texture, without loss for integers.
+//! Volume texture on the graphics device, which stores integer voxel values without loss.
 
 use super::fold::{Fold, FoldSpan};
 use crate::error::{Error, Result};
@@ -11,25 +11,27 @@ use wgpu::TextureFormat;
 
 const DOWNSAMPLE_HINT: &str = "--downsample=BYTES or --downsample=2x2x1 reduces it by whole factors";
 
-/// Volume texture on the device, with the mapping from its texels to the volume's values.
+/// Volume texture on the device, with the linear mapping from its texel values to the volume's values.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
-    /// Texture with the label of each voxel, as a rank among all labels that occur; `None` for a volume without
-    /// labels.
+    /// Texture with the segmentation label of each voxel, as an index into the list of labels that occur; `None` for
+    /// a volume without labels.
     pub(crate) labels: Option<wgpu::TextureView>,
-    /// Mapping between texel values of the volume texture and the volume's values.
+    /// Linear mapping from texel values of the volume texture to the volume's values.
     pub mapping: TexelMapping,
     /// Smallest and largest texel value in the volume texture.
     pub texel_range: [f64; 2],
     /// Number of voxels of the volume along each axis.
     pub dims: [usize; 3],
-    /// Placement of the voxels in the volume texture, which is folded if the volume is too long for it.
+    /// Placement of the voxels in the volume texture. A volume that is longer than the texture may be is cut into
+    /// tiles side by side (folded).
     pub fold: Fold,
     /// Bytes of the volume texture and the label texture.
     pub bytes: u64,
 }
 
-/// Conversion from stored voxel values to texel values: `texel = (stored - center) * per_stored`.
+/// Linear conversion from stored voxel values to texel values of the volume texture: `texel = (stored - center) *
+/// per_stored`.
 struct Packing {
     format: TextureFormat,
     center: f64,
@@ -64,8 +66,8 @@ fn packing(volume: &Volume) -> Packing {
     }
 }
 
-/// Writes a volume texture tile by tile and slice by slice. `put` appends the texels of one row: it takes the index
-/// of the row's first voxel in memory order, and the tile's span of that row.
+/// Writes a folded (tiled) volume texture, one slice of a volume tile at a time. `put` appends the texels of one row:
+/// it takes the memory index of the row's first voxel, and the range of that row in the tile.
 fn write_tiles(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -110,7 +112,8 @@ fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
     });
 }
 
-/// Creates the texture with the segmentation label of each voxel (as a rank), folded like the volume texture.
+/// Creates the texture with the segmentation label of each voxel, cut into tiles (folded) like the volume texture. A
+/// label is stored as its index in the list of labels that occur.
 fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
     let texture = grid_texture(gpu, "labels", TextureFormat::R8Uint, fold);
     write_tiles(gpu, &texture, (fold, dims), |first, span, slice| {
@@ -119,12 +122,13 @@ fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> w
     texture.create_view(&Default::default())
 }
 
-/// Creates a 3-D texture for a volume grid that may be folded into tiles.
+/// Creates a 3-D texture for the voxels of a volume, which may be cut into tiles side by side (folded).
 fn grid_texture(gpu: &Gpu, label: &str, format: TextureFormat, fold: &Fold) -> wgpu::Texture {
     solid_texture(gpu, label, format, fold.sides().map(|side| side as u32))
 }
 
-/// Returns the values of a voxel row in the order of a tile's texels, including repeated border voxels.
+/// Returns the part of a voxel row that lies in a volume tile, in the order of the tile's texels. The border voxels
+/// of the tile are repeated.
 fn along_row<'a, T>(row: &'a [T], span: &FoldSpan) -> impl Iterator<Item = &'a T> {
     let row = &row[span.voxels.clone()];
     let margin = |edge: Option<&'a T>| edge.into_iter().cycle().take(span.margin);

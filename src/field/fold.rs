@@ -8,23 +8,23 @@ use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
-/// Placement of a long volume's tiles in a 3-D texture, where they lie side by side (folding). A texture that is not
-/// folded has one tile of the volume's size.
+/// Folding of a long volume into a 3-D texture: the volume is cut into tiles, which lie side by side in the texture.
+/// A volume that fits the texture has one tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fold {
     /// Number of voxels of the volume along each axis.
     dims: [usize; 3],
-    /// Distance from a tile of the volume to the next along each axis, in voxels. Along an axis that is cut, a tile
-    /// has one voxel more.
+    /// Distance between the starts of neighbouring tiles of a folded (tiled) volume along each axis, in voxels. Along
+    /// an axis that is cut, a tile has one voxel more.
     period: [usize; 3],
-    /// Number of tiles into which the volume is cut along each axis.
+    /// Number of tiles into which a folded (tiled) volume is cut along each axis of the volume.
     tiles: [usize; 3],
     /// Number of volume tiles along each axis of the folded 3-D texture.
     placed: [usize; 3],
 }
 
-/// Uniform of a folded volume texture: `Fold` of `shaders/field/field.wgsl`. The fourth component of each vector is
-/// padding.
+/// Uniform of a folded (tiled) volume texture: `Fold` of `shaders/field/field.wgsl`. The fourth component of each
+/// vector is unused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(super) struct FoldUniform {
@@ -36,21 +36,23 @@ pub(super) struct FoldUniform {
     pub inv_sides: [f32; 4],
 }
 
-/// Voxels and texels of one volume tile along one axis of a folded 3-D texture.
+/// Position of one tile of a folded (tiled) volume along one axis: its range of voxels, and its texels in the 3-D
+/// texture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FoldSpan {
-    /// Range of voxels along one axis that a volume tile covers in a folded 3-D texture.
+    /// Range of voxels along one axis that a tile of a folded (tiled) volume covers.
     pub voxels: Range<usize>,
-    /// Number of copies of a volume tile's first voxel before it, and of its last voxel behind it, in a folded 3-D
-    /// texture.
+    /// Number of copies of a tile's first voxel that precede it in a folded (tiled) volume texture; as many copies of
+    /// the last voxel follow it.
     pub margin: usize,
-    /// First texel of a volume tile in a folded 3-D texture, including the copies of the tile's first voxel.
+    /// Index of a tile's first texel along one axis of a folded (tiled) volume texture, including the copies of the
+    /// tile's first voxel.
     pub first_texel: usize,
 }
 
 impl FoldSpan {
-    /// Returns the voxel index of each texel of a volume tile in a folded 3-D texture, including the copied border
-    /// voxels.
+    /// Returns the voxel index of each texel of a tile along one axis of a folded (tiled) volume texture, including
+    /// the copies of border voxels.
     pub(super) fn voxels_by_texel(&self) -> impl Iterator<Item = usize> + Clone {
         let Range { start, end } = self.voxels;
         let (before, behind) =
@@ -58,16 +60,16 @@ impl FoldSpan {
         before.chain(start..end).chain(behind)
     }
 
-    /// Returns the number of texels of a volume tile along one axis of a folded 3-D texture, including the copied
-    /// border voxels.
+    /// Returns the number of texels of a tile along one axis of a folded (tiled) volume texture, including the copies
+    /// of border voxels.
     pub(super) fn texels(&self) -> usize {
         self.voxels.len() + 2 * self.margin
     }
 }
 
 impl Fold {
-    /// Finds the folding of a long volume into tiles that needs the fewest texels. The volume has `dims` voxels, and
-    /// the 3-D texture at most `limit` texels along each axis. Returns `None` if no folding fits.
+    /// Finds the folding of a long volume into a 3-D texture that needs the fewest texels. The volume has `dims`
+    /// voxels, and the texture at most `limit` texels along each axis. Returns `None` if no folding fits.
     pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
         let limit = limit.max(2);
         let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
@@ -94,8 +96,9 @@ impl Fold {
         best.map(|(_, fold)| fold)
     }
 
-    /// Finds the folding of a long volume into a 3-D texture, like [`Self::of`]. Returns `None` also if the texture
-    /// of brick distances, which is never folded, exceeds the limit.
+    /// Finds the folding of a long volume into a 3-D texture of at most `limit` texels along each axis. Returns
+    /// `None` if no folding fits, or if the texture with the distance of each brick, which is never folded, exceeds
+    /// the limit.
     pub fn with_bricks(dims: [usize; 3], limit: usize) -> Option<Self> {
         let fit = dims.iter().all(|n| n / BRICK_CELLS < limit);
         fit.then(|| Self::of(dims, limit)).flatten()
@@ -111,29 +114,31 @@ impl Fold {
         self.tiles != [1; 3]
     }
 
-    /// Returns the largest number of voxels of a tile along each axis of the volume.
+    /// Returns the largest number of voxels that a tile of a folded (tiled) volume has along each axis.
     fn tile(&self) -> [usize; 3] {
         std::array::from_fn(|a| if self.tiles[a] == 1 { self.dims[a] } else { self.period[a] + 1 })
     }
 
-    /// Returns the number of copies of a volume tile's border voxels along each axis of the folded 3-D texture.
+    /// Returns the number of copies of a tile's border voxels on each side, along each axis of a folded (tiled)
+    /// volume texture.
     fn margin(&self) -> [usize; 3] {
         self.placed.map(|n| usize::from(n > 1))
     }
 
-    /// Returns the distance from a volume tile to the next along each axis of the folded 3-D texture, in texels.
+    /// Returns the distance between the starts of neighbouring tiles along each axis of a folded (tiled) volume
+    /// texture, in texels.
     fn stride(&self) -> [usize; 3] {
         let (tile, margin) = (self.tile(), self.margin());
         std::array::from_fn(|a| tile[a] + 2 * margin[a])
     }
 
-    /// Returns the number of texels of the folded volume texture along each axis.
+    /// Returns the number of texels of the folded (tiled) volume texture along each axis.
     pub fn sides(&self) -> [usize; 3] {
         let stride = self.stride();
         std::array::from_fn(|a| self.placed[a] * stride[a])
     }
 
-    /// Returns the voxels and texels of each volume tile along the three axes of the folded 3-D texture.
+    /// Returns the voxels and texels of every tile of a folded (tiled) volume, along all three axes.
     pub(super) fn spans(&self) -> impl Iterator<Item = [FoldSpan; 3]> {
         let Self { dims, period, tiles, placed } = *self;
         let (stride, margin) = (self.stride(), self.margin());
@@ -168,7 +173,8 @@ impl Fold {
 mod tests {
     use super::*;
 
-    /// Computes the texel of a voxel in a folded texture, like `tile_offset` of `shaders/field/field.wgsl`.
+    /// Computes the position of a voxel in a folded (tiled) volume texture, like `tile_offset` of
+    /// `shaders/field/field.wgsl`.
     fn texel(fold: &Fold, cell: [i32; 3], voxel: [i32; 3]) -> [usize; 3] {
         let FoldUniform { period, tiles, placed, stride, margin, .. } = fold.uniform();
         let tile: [i32; 3] = std::array::from_fn(|a| (cell[a] / period[a]).min(tiles[a] - 1));
@@ -190,8 +196,8 @@ mod tests {
         }
     }
 
-    /// Tests the texel of every voxel of every cell in a folded texture, and of the neighbours that a filter may
-    /// read.
+    /// Tests the position in a folded (tiled) volume texture of every voxel of every cell, and of the neighbours that
+    /// a texture filter may read.
     #[test]
     fn every_cell_lies_in_one_tile() {
         for (dims, limit) in [

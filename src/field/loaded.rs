@@ -1,4 +1,5 @@
-//! Volume that is loaded onto the graphics device, and the grid space in which shaders address its voxels.
+//! Volume that is loaded onto the graphics device, and the coordinates in which shaders address its voxels (voxel
+//! index plus one).
 
 use super::{DeviceDirections, DeviceVolume};
 use crate::error::{Error, Result};
@@ -17,9 +18,9 @@ pub struct LoadedVolume {
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Voxels of the volume on the graphics device.
     pub on_device: DeviceVolume,
-    /// Sizes of the memory pool for curve nodes that earlier builds of deep shadow maps needed for this volume.
+    /// Sizes of the memory pool for curve nodes in earlier builds of deep shadow maps for this volume.
     pub pool_sizes: PoolSizes,
-    /// Strand directions on the device, once a picture has needed them.
+    /// Directions of the strands (hair or fibres) in each voxel, on the device; uploaded once a picture needs them.
     directions: OnceLock<DeviceDirections>,
 }
 
@@ -40,7 +41,8 @@ impl LoadedVolume {
         Self { strands, directions: OnceLock::new(), ..self }
     }
 
-    /// Returns the strand directions on the graphics device; the first call uploads them.
+    /// Returns the directions of the strands (hair or fibres) in each voxel, on the graphics device. The first call
+    /// uploads them.
     ///
     /// # Errors
     /// The volume was not made from strands, or the host or the device is out of memory.
@@ -57,13 +59,13 @@ impl LoadedVolume {
 }
 
 /// Returns the affine transform from world coordinates (mm) to grid space, which is voxel index space plus one. Cell
-/// `c` of the grid interpolates the voxels `c - 1` and `c`.
+/// `c` along an axis lies between the voxels `c - 1` and `c`.
 pub fn grid_from_world(volume: &Volume) -> DAffine3 {
     DAffine3::from_translation(DVec3::ONE) * volume.index_from_world()
 }
 
-/// Sizes of the memory pool for curve nodes that the last builds of deep shadow maps used, by the settings of the
-/// method. Each size is relative to the size of the map, so that it also fits other map sizes.
+/// Sizes of the memory pool for curve nodes in the last builds of deep shadow maps, for each text of the method's
+/// settings. A size is relative to the size of the shadow map, so that it can be used for other map sizes.
 ///
 /// A pool as large as in the previous build does not overflow while a light moves a little, and the build runs once.
 /// A size that is too large after an edit of the transfer function shrinks over the next builds.
@@ -71,14 +73,14 @@ pub fn grid_from_world(volume: &Volume) -> DAffine3 {
 pub struct PoolSizes(Mutex<HashMap<String, f64>>);
 
 impl PoolSizes {
-    /// Returns the relative pool size that the last builds of a deep shadow map with these settings used; `None`
-    /// before the first build.
+    /// Returns the size of the curve-node pool in the last builds of a deep shadow map with these settings, relative
+    /// to the map's size. `None` before the first build.
     pub fn last(&self, settings: &str) -> Option<f64> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(settings).copied()
     }
 
-    /// Records the relative pool size that a build of a deep shadow map used. A larger earlier size shrinks slowly: a
-    /// light that moves back and forth overflows the pool only once.
+    /// Records the size of the curve-node pool that a deep shadow map needed, relative to the map's size. A larger
+    /// earlier size shrinks slowly, so that a light that moves back and forth overflows the pool only once.
     pub fn learn(&self, settings: String, used: f64) {
         let mut sizes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let share = sizes.entry(settings).or_default();

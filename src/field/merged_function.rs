@@ -8,25 +8,25 @@ use crate::gpu::{Gpu, uniform_buffer};
 use crate::transfer::{LabelClass, SideBySide, TransferFunction, TransferTables, extinction_range};
 use crate::volume::MAX_LABELS;
 
-/// Transfer functions of all segmentation labels, merged into one function. The device shifts each texel value by the
-/// label of its voxel.
+/// Transfer functions of all segmentation labels, merged into one function over one value axis. Shaders add an offset
+/// to each texel value that depends on the label of the voxel.
 pub(super) struct MergedFunction {
     /// Transfer function that holds the functions of all segmentation labels side by side on one value axis.
     pub function: TransferFunction,
-    /// Tables of the merged transfer function. Their range of values with extinction refers to texel values before
-    /// the shift by label.
+    /// Lookup tables of the merged transfer function. Their first and last value with extinction are texel values
+    /// before the offset of the label is added.
     pub tables: TransferTables,
     /// Largest absolute texel value on the value axis of the merged transfer function.
     pub largest_texel: f64,
-    /// Shift of texel values for each segmentation label that occurs in the volume; empty if all labels use one
-    /// transfer function.
+    /// Offset that shaders add to texel values, for each segmentation label that occurs in the volume; empty if all
+    /// labels use one transfer function.
     pub shifts: Vec<f32>,
-    /// Texel value to which the merged transfer function gives no extinction.
+    /// Texel value without extinction in the merged transfer function, for voxels whose segmentation label is hidden.
     pub hidden_texel: f32,
 }
 
 impl MergedFunction {
-    /// Merges the transfer functions of all segmentation labels of a volume into one.
+    /// Merges the transfer functions of all segmentation labels of a volume into one function over one value axis.
     ///
     /// # Errors
     /// The transfer functions of the labels cannot be used together.
@@ -60,8 +60,8 @@ impl MergedFunction {
         Ok(Self { function, tables, largest_texel, shifts, hidden_texel })
     }
 
-    /// Returns the texture of segmentation labels and the value shift of each label; `None` if all labels use one
-    /// transfer function.
+    /// Returns the texture of segmentation labels, and the offset added to the values of each label. `None` if all
+    /// labels use one transfer function.
     pub fn labels(&self, gpu: &Gpu, loaded: &LoadedVolume) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
         let ranks = loaded.on_device.labels.as_ref().filter(|_| !self.shifts.is_empty())?;
         let mut shifts = [0.0; MAX_LABELS];

@@ -1,6 +1,6 @@
-//! Scalar field on the graphics device: the volume, its transfer function and bricks, the projection of shadow maps,
-//! and the march along light rays. This module provides bind group 0 of every pipeline, and binding 0 of bind group
-//! 1, the projection.
+//! Scalar field on the graphics device: the volume, its transfer function, the projection of shadow maps, and the
+//! march along light rays. This module provides bind group 0 of every pipeline, and the projection (binding 0 of bind
+//! group 1).
 
 mod active_bricks;
 mod constants;

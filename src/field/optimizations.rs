@@ -1,5 +1,4 @@
-//! Optimizations: work that is skipped where the scene allows it, and the set of optimizations that the user
-//! disables.
+//! Optimizations, which skip work that a scene does not need, and the set of optimizations that the user disables.
 
 use crate::error::Error;
 use clap::ValueEnum;
@@ -12,22 +11,23 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Optimization {
-    /// Skips colour in the tables of the transfer function, if all extinction has one colour.
+    /// Stores no colour in the lookup tables of the transfer function, if all extinction has one colour.
     Colors,
-    /// Skips the pre-compressed table of transfer-function breakpoints, if no light ray is marched cell by cell.
+    /// Does not compute the table of transfer-function breakpoints between two voxel values, if no light ray is
+    /// marched cell by cell.
     MarchTable,
-    /// Skips the search for transfer-function breakpoints during the light march, if the pre-compressed table holds
-    /// all of them.
+    /// Does not search for transfer-function breakpoints during the light march, if the breakpoint table holds all of
+    /// them.
     BreakpointSearch,
-    /// Skips bricks without extinction, on eye rays and light rays.
+    /// Skips bricks (blocks of voxel cells) without extinction, on eye rays and light rays.
     Bricks,
-    /// Skips tiles of the picture without active bricks (bricks with extinction), and eye rays before the first and
-    /// behind the last active brick.
+    /// Skips tiles of the picture without bricks with extinction. Eye rays start at the first and end behind the last
+    /// such brick in their tile.
     EyeTiles,
-    /// Skips tiles of a shadow map without active bricks (bricks with extinction).
+    /// Skips tiles of a shadow map without active bricks (blocks of cells with extinction).
     Tiles,
-    /// Skips the pass that finds where each light ray first meets extinction, before the layers of a shadow map are
-    /// filled.
+    /// Skips the build pass of a layered shadow map that finds the depth at which each light ray first meets
+    /// extinction.
     DepthPass,
     /// Skips the shadow map and its queries, if all visible points are fully lit.
     Shadows,
@@ -60,13 +60,13 @@ impl DisabledOptimizations {
         Self(self.0 | other.0)
     }
 
-    /// Whether the given optimization is in the set of disabled ones.
+    /// Whether the set of disabled optimizations contains the given one.
     pub fn has(self, one: Optimization) -> bool {
         self.0 & Self::only(one).0 != 0
     }
 }
 
-/// Writes the disabled optimizations in the form that `--no-skip` takes.
+/// Writes the disabled optimizations as a text that `--no-skip` accepts: names, separated by commas.
 impl Serialize for DisabledOptimizations {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let disabled = Optimization::value_variants().iter().filter(|one| self.has(**one));

@@ -1,5 +1,5 @@
-//! WGSL modules of the scalar field (volume, transfer function, light march), their constants, and the shader
-//! variants that use them.
+//! WGSL modules of the scalar field (volume, transfer function, light march), and the constants that they share with
+//! the host.
 
 use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
@@ -10,19 +10,20 @@ use crate::transfer::{
 };
 use crate::volume::{BRICK_CELLS, MAX_LABELS};
 
-/// WGSL modules of the march along light rays: cell by cell, by regular samples, and through the segments of strands.
+/// WGSL modules for marching along light rays: cell by cell, by regular samples, and through the segments of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
 const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
 const MARCH_STRANDS: &str = "field/march_strands.wgsl";
-/// Binding in bind group 2 of the strand segments that cross the light rays of a shadow map.
+/// Binding number, in bind group 2, of the buffer with the strand segments that the light rays of a shadow map cross.
 pub(super) const LINES_BINDING: u32 = 15;
-/// WGSL module of ray marches by regular samples.
+/// WGSL module for marching along a ray by regular samples.
 const RAY_MARCH: &str = "field/ray_march.wgsl";
 
-/// Shader definition that lets ray marches by regular samples skip bricks without extinction.
+/// Shader definition (`#ifdef`) that lets sampled ray marching skip bricks (blocks of voxel cells) without
+/// extinction.
 const SKIP_BRICKS: &str = "SKIP_BRICKS";
 
-/// WGSL module that takes the pieces of a light ray from the march (a sink), and adds up their optical depth.
+/// WGSL module that adds up the optical depth of the intervals of a light ray, as the light march delivers them.
 pub const DEPTH_SINK: &str = "field/depth_sink.wgsl";
 
 const CONSTANTS: &[Constant] = &[
@@ -73,13 +74,14 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
 }
 
 impl ShaderVariant {
-    /// Adds the WGSL module of the tile table, which leads from a texel of a shadow map to its record (stored data).
+    /// Adds the WGSL module of a shadow map's tile table, which gives the index of the data record of each texel.
     #[must_use]
     pub fn with_tile_table(self) -> Self {
         self.modules(&["field/tile_table.wgsl"])
     }
 
-    /// Adds the WGSL modules of a march along light rays. The march passes each piece of a ray to the module `sink`.
+    /// Adds the WGSL modules for marching along light rays. The march hands each interval of a ray to the WGSL module
+    /// `sink`.
     #[must_use]
     pub fn with_march(self, march: March, sink: &'static str) -> Self {
         let shader = self.modules(&["field/sums.wgsl", sink]);
@@ -90,7 +92,8 @@ impl ShaderVariant {
         }
     }
 
-    /// Adds the WGSL module of ray marches by regular samples, which may skip bricks without extinction.
+    /// Adds the WGSL module for marching along rays by regular samples. With `skip_bricks`, it skips bricks (blocks
+    /// of voxel cells) without extinction.
     #[must_use]
     pub fn with_ray_march(self, skip_bricks: bool) -> Self {
         self.modules(&[RAY_MARCH]).defs(skip_bricks.then_some(SKIP_BRICKS))
@@ -103,19 +106,18 @@ impl ShaderVariant {
     }
 }
 
-/// Whether a shader marches light rays cell by cell, and so needs the pre-compressed table of transfer-function
-/// breakpoints.
+/// Whether a shader marches light rays cell by cell, and so needs the lookup table of transfer-function breakpoints.
 pub fn marches_cells(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH_CELLS)
 }
 
-/// Returns the dispatch size for one thread per item, in workgroups of [`LINE_THREADS`] threads.
+/// Returns the dispatch size of a compute pass with one thread per item, in workgroups of [`LINE_THREADS`] threads.
 pub fn line_of_workgroups(items: usize) -> [u32; 3] {
     shape_of((items as u32).div_ceil(LINE_THREADS))
 }
 
-/// Returns a two-dimensional dispatch size for a number of workgroups, since one dimension holds at most 65,535. It
-/// has as few rows as possible, and fewer idle workgroups than rows.
+/// Returns a two-dimensional dispatch size for the given number of workgroups, since one dimension holds at most
+/// 65,535. It has as few rows as possible, and fewer idle workgroups than rows.
 pub fn shape_of(workgroups: u32) -> [u32; 3] {
     let rows = workgroups.div_ceil(65_535).max(1);
     [workgroups.div_ceil(rows).max(1), rows, 1]

@@ -1,5 +1,5 @@
-//! Draws strands directly into a shadow map, without voxels: each strand segment becomes pieces of the light rays
-//! that it crosses.
+//! Draws strands (hair or fibres) directly into a shadow map, without voxels: each strand segment becomes intervals
+//! with extinction on the light rays that it crosses.
 //!
 //! A strand covers the share `d l / A` of a texel: `d` is its diameter, `l` its length in the texel across the light,
 //! and `A` the area of the texel. With opacity `a` it transmits `1 - a d l / A` of the texel's light, as deep shadow
@@ -9,10 +9,11 @@
 //! whole texels.
 //!
 //! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 rasterise lines in hardware: their fragments attenuate
-//! as a medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand in
-//! the texel, and overlapping neighbours are cut half way, since a march produces disjoint pieces in order.
+//! as a medium does, `exp(-sum of opacities)`, each at a single depth. Here a fragment has the depth extent of the
+//! strand in the texel, and overlapping neighbours are cut half way, since a march produces disjoint intervals in
+//! order.
 //!
-//! The host cuts and sorts segments in float64, so that the order of pieces is the same on every device.
+//! The host cuts and sorts segments in float64, so that the order of intervals is the same on every device.
 
 use super::LightSpace;
 use super::constants::{NO_TILE, TILE, TILE_TEXELS};
@@ -22,40 +23,40 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of parallel lines per texel with which a strand is drawn: for a strand narrower than a texel, and for a
-/// wider one.
+/// Number of parallel lines per texel width with which a strand is drawn into a shadow map: for a strand narrower
+/// than a texel, and for a wider one.
 const FEW_LINES: f64 = 2.0;
 const MANY_LINES: f64 = 8.0;
-/// Smallest transmittance of a texel that a strand covers, so that its logarithm is finite.
+/// Smallest transmittance of a shadow-map texel that strands cover, so that its logarithm is finite.
 const LEAST_LEFT: f64 = 1e-7;
-/// Largest difference between depths that count as equal, relative to the shadow map's depth range or its largest
-/// depth.
+/// Tolerance within which the depths of two strand fragments count as equal, relative to the shadow map's depth range
+/// or largest depth.
 const SAME_DEPTH: f64 = 1e-6;
-/// Largest ratio of texel widths between the ends of a strand segment, beyond which it is halved; and the largest
-/// number of halvings.
+/// Ratio of shadow-map texel widths at the ends of a strand segment, beyond which the segment is halved; and the
+/// largest number of successive halvings.
 const MOST_CHANGE: f64 = 1.25;
 const MOST_HALVINGS: u32 = 12;
-/// Largest number of parallel lines with which a strand segment is drawn, per texel along a side of the shadow map. A
-/// wider strand contains the light.
+/// Largest number of parallel lines with which a strand segment is drawn, per texel along a side of the shadow map.
+/// The limit matters only for a strand that reaches to the light.
 const MOST_LINES: f64 = 4.0;
-/// Largest number of parts into which all strands together are cut when they are drawn into a shadow map. Drawing so
-/// many takes tens of seconds.
+/// Largest number of parts into which all strands together may be cut when they are drawn into a shadow map. Drawing
+/// so many takes tens of seconds.
 const MOST_PARTS: usize = 1 << 28;
-/// Number of 32-bit words that store one piece of a light ray.
+/// Number of 32-bit words that store one interval of a light ray: start, end and optical depth.
 const PIECE_WORDS: u32 = 3;
-/// Number of strands that a thread draws per task.
+/// Number of strands that a thread draws into the shadow map as one parallel task.
 const STRANDS_AT_ONCE: usize = 64;
 
-/// Contribution of one strand to one texel of a shadow map.
+/// Contribution of one strand to one texel of a shadow map, over a range of depths.
 #[derive(Debug, Clone, Copy)]
 struct Fragment {
-    /// Index of the texel's record (stored data) in the shadow map.
+    /// Index of the shadow-map texel's data record.
     record: u32,
-    /// Depth of the middle of a strand fragment, and half its extent in depth, mm.
+    /// Depth at the middle of a strand fragment in a shadow-map texel, and half its extent in depth, mm.
     middle: f64,
     half: f64,
-    /// Share of a texel's light that the strand absorbs, and the share that it would absorb if it covered the whole
-    /// texel.
+    /// Share of a shadow-map texel's light that the strand absorbs, and the share that it would absorb if it covered
+    /// the whole texel.
     taken: f64,
     opacity: f64,
 }
@@ -74,12 +75,12 @@ impl Fragment {
         self.middle + self.half
     }
 
-    /// Whether another fragment of the same strand follows in the same texel without a gap in depth.
+    /// Whether another fragment of the same strand follows in the same shadow-map texel, without a gap in depth.
     fn goes_on_in(&self, next: &Self) -> bool {
         self.record == next.record && next.start() <= self.end()
     }
 
-    /// Joins two consecutive fragments of one strand into one fragment.
+    /// Joins two consecutive fragments of one strand in a shadow-map texel.
     fn joined(&self, next: &Self) -> Self {
         let (from, to) = (self.start().min(next.start()), self.end().max(next.end()));
         let (taken, opacity) = (self.taken + next.taken, self.opacity.max(next.opacity));
@@ -87,9 +88,9 @@ impl Fragment {
     }
 }
 
-/// Converts the sorted fragments of one strand to shares of the light that earlier fragments transmit. In each texel,
-/// consecutive fragments together absorb the sum of their original shares, but at most the strand's opacity.
-/// Adjoining fragments are joined up to a depth extent of `most_extent_mm`.
+/// Converts the absorbed shares of one strand's sorted fragments, so that each is a share of the light that earlier
+/// fragments transmit. In each texel, consecutive fragments together absorb the sum of their original shares, but at
+/// most the strand's opacity. Adjoining fragments are joined up to a depth extent of `most_extent_mm`.
 fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec<Fragment>) {
     // Current chain: its absorbed share before the last fragment, and this fragment.
     let (mut before, mut last): (f64, Option<Fragment>) = (0.0, None);
@@ -125,14 +126,14 @@ fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec
     }
 }
 
-/// Returns the 32-bit words that `shaders/field/march_strands.wgsl` reads. They begin with the offset of the first
-/// piece of each texel, and the end of the last piece. All pieces of light rays follow, in the order of texels and
-/// depths; each has two depths (mm) and an optical depth.
+/// Returns the buffer of the intervals of light rays in strands, which `shaders/field/march_strands.wgsl` reads, as
+/// 32-bit words. It begins with the offset of each texel's first interval, and the end of the last interval. All
+/// intervals follow, in the order of texels and depths; each has two depths (mm) and an optical depth.
 ///
 /// `first_records` is the tile table of a shadow map with `records` texel records.
 ///
 /// # Errors
-/// The words take more than `most_bytes`. The error text states the reason.
+/// The buffer takes more than `most_bytes`. The error text states the reason.
 pub(super) fn line_words(
     strands: &Strands,
     space: &LightSpace,
@@ -180,7 +181,7 @@ struct StrandRasterizer<'a> {
     space: &'a LightSpace,
     first_records: &'a [u32],
     most_extent_mm: f64,
-    /// Number of parts of strands that all threads have drawn so far.
+    /// Number of parts of strands that all threads have drawn into the shadow map so far.
     parts: &'a AtomicUsize,
 }
 
@@ -189,7 +190,7 @@ impl StrandRasterizer<'_> {
         self.parts.load(Ordering::Relaxed) > MOST_PARTS
     }
 
-    /// Draws the segments of one strand into the texels of a shadow map.
+    /// Draws the segments of one strand as fragments in the texels of a shadow map.
     fn draw(&self, segments: Range<usize>, out: &mut Vec<Fragment>) {
         for index in segments {
             let segment = self.strands.segment(index);
@@ -200,8 +201,8 @@ impl StrandRasterizer<'_> {
         }
     }
 
-    /// Draws one strand segment into the texels of a shadow map. It halves the segment if texel widths differ much
-    /// between its ends.
+    /// Draws one strand segment as fragments in the texels of a shadow map. It halves the segment if the texel widths
+    /// at its ends differ much.
     fn draw_part(&self, [a, b]: [DVec3; 2], strand: (f64, f64), halvings: u32, out: &mut Vec<Fragment>) {
         let middle = 0.5 * (a + b);
         let (direction, texel_mm) = self.space.ray_and_texel_mm(middle);
@@ -238,8 +239,8 @@ impl StrandRasterizer<'_> {
         self.parts.fetch_add(out.len() - before + lines as usize, Ordering::Relaxed);
     }
 
-    /// Returns the index of a shadow-map texel's record (stored data), like `record_of` of
-    /// `shaders/field/tile_table.wgsl`; `None` in skipped tiles.
+    /// Returns the index of a shadow-map texel's data record, like `record_of` of `shaders/field/tile_table.wgsl`;
+    /// `None` in skipped tiles.
     fn record(&self, [column, row]: [u32; 2]) -> Option<u32> {
         let tile = row / TILE * self.space.tiles_across() + column / TILE;
         let first = self.first_records.get(tile as usize).copied().filter(|first| *first != NO_TILE)?;
@@ -270,7 +271,8 @@ fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
     fragments
 }
 
-/// Converts sorted strand fragments to pieces of light rays that do not overlap, each with the index of its texel.
+/// Converts the sorted strand fragments of shadow-map texels to disjoint intervals on light rays, each with the index
+/// of its texel, two depths and an optical depth.
 fn pieces(fragments: &[Fragment], [start, end]: [f64; 2]) -> Vec<(u32, [f32; 3])> {
     let same = SAME_DEPTH * (end - start).max(start.abs()).max(end.abs());
     let mut apart: Vec<(Fragment, f64)> = Vec::with_capacity(fragments.len());
@@ -315,7 +317,8 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// Returns the number of fragments of a strand after conversion, and the share of the light that they absorb.
+    /// Returns the number of fragments of one strand after [`shares_of_the_rest`], and the share of the light that
+    /// they absorb together.
     fn taken(fragments: &[Fragment], most_extent_mm: f64) -> (usize, f64) {
         let mut out = Vec::new();
         shares_of_the_rest(fragments, most_extent_mm, &mut out);

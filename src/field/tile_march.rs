@@ -1,5 +1,5 @@
-//! Builds a shadow map by tiles: chooses the tiles that are built, places the data of their texels, and runs compute
-//! passes over them.
+//! Builds a shadow map by tiles (squares of texels): chooses the tiles that are built, and runs compute passes over
+//! their texels.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
@@ -8,7 +8,8 @@ use super::{BuildContext, LightSpace, MapShape, March, Optimization};
 use crate::error::{Error, Result};
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
-/// Compute passes over those tiles of a shadow map that contain bricks with extinction (Hadwiger et al. 2006, 3.4).
+/// Shadow map during its build by compute passes over tiles (squares of texels). Tiles without bricks with extinction
+/// are skipped (Hadwiger et al. 2006, 3.4).
 ///
 /// The shader of a pass imports `umbravox::tiles` (`tile_texel` finds its texel) and `umbravox::tile_table`
 /// (`record_of` finds the texel's record). Bind group 1 holds the shadow map's projection at 0, the tile table at 2,
@@ -20,10 +21,10 @@ pub struct TileMarch<'a> {
     pub light_space: LightSpace,
     light: wgpu::Buffer,
     table: wgpu::TextureView,
-    /// Numbers of the shadow-map tiles that are built, in the order in which their texels are stored.
+    /// Indices of the shadow-map tiles that are built, in the order in which their texels are stored.
     built_tiles: Vec<u32>,
     list: wgpu::Buffer,
-    /// Buffer of the strand segments as pieces of light rays, if the march is [`March::Lines`].
+    /// Buffer of the intervals of light rays that lie in strands, if the march is [`March::Lines`].
     lines: Option<wgpu::Buffer>,
     /// Number of all tiles of the shadow map.
     pub tiles: u32,
@@ -33,7 +34,7 @@ pub struct TileMarch<'a> {
 }
 
 impl<'a> TileMarch<'a> {
-    /// Fits a shadow map of the given shape, and lists its tiles.
+    /// Fits the projection of a shadow map to the scene, and lists the tiles (squares of texels) that are built.
     ///
     /// # Errors
     /// The adapter cannot hold the shadow map, or there are no strands for [`March::Lines`].
@@ -71,32 +72,33 @@ impl<'a> TileMarch<'a> {
         })
     }
 
-    /// Returns the number of texel records in the shadow map: one for each texel of the tiles that are built.
+    /// Returns the number of texels for which the shadow map stores data: all texels of the tiles that are built.
     pub fn records(&self) -> u32 {
         self.built * TILE_TEXELS
     }
 
-    /// Returns the size in bytes of the shadow map's tile table, which leads from a tile to the data of its texels.
+    /// Returns the size in bytes of the shadow map's tile table, which holds the storage index of each tile's first
+    /// texel.
     pub fn table_bytes(&self) -> u64 {
         u64::from(self.tiles) * 4
     }
 
-    /// Creates bind group 1 with the shadow method's own bindings, for the passes that build a shadow map and for
-    /// queries for transmittance.
+    /// Creates bind group 1 of a shadow map, for its build passes and for queries: the projection, the tile table,
+    /// and the bindings `own` of the shadow method.
     pub fn group(&self, label: &str, own: &[(u32, Slot<'_>)]) -> Group {
         let kernels = self.context.kernels;
         let shared = [(0, kernels.uniform(&self.light)), (2, Slot::words(&self.table))];
         kernels.group(label, &[&shared, own].concat())
     }
 
-    /// Returns the bindings of bind group 2 that the light march of this shadow map reads, in addition to those of
-    /// the compute pass.
+    /// Returns the bindings that the light march needs in bind group 2: the intervals of light rays that lie in
+    /// strands for [`March::Lines`], otherwise none.
     pub fn march_slots(&self) -> Vec<(u32, Slot<'_>)> {
         self.lines.iter().map(|lines| (LINES_BINDING, Slot::read(lines.as_entire_binding()))).collect()
     }
 
-    /// Runs a compute pass over all shadow-map tiles that are built, in batches. `own` and `stage` are the shadow
-    /// method's bindings of bind groups 1 and 2.
+    /// Runs a compute pass over all tiles of the shadow map that are built, in batches. `own` and `stage` are the
+    /// shadow method's bindings of bind groups 1 and 2.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -111,8 +113,8 @@ impl<'a> TileMarch<'a> {
         self.context.run_over((&self.list, self.built), label, variant, &self.group(label, own), &stage)
     }
 
-    /// Runs a compute pass over some of the shadow-map tiles that are built; `places` are their indices in the order
-    /// of storage.
+    /// Runs a compute pass again over some of the built tiles of the shadow map. `places` are their positions in the
+    /// list of built tiles.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -131,8 +133,8 @@ impl<'a> TileMarch<'a> {
     }
 }
 
-/// Returns the tile table of a shadow map (index of each tile's first texel in storage, or [`NO_TILE`]), and the list
-/// of tiles that are stored.
+/// Returns the tile table of a shadow map (storage index of each tile's first texel, or [`NO_TILE`]), and the list of
+/// tiles that are stored.
 fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut list = Vec::new();
     let entry = |(tile, occupied): (usize, &bool)| {

@@ -1,22 +1,23 @@
-//! Splits the build of a shadow map into submissions of about the duration that the renderer wants.
+//! Splits the build passes of a shadow map into batches, one submission to the device each, so that a submission
+//! takes about a given time.
 
 use super::shader::shape_of;
 use crate::error::Result;
 use crate::gpu::Span;
 use std::sync::{Mutex, PoisonError};
 
-/// Consecutive entries of a work list (shadow-map tiles or steps) that one submission processes.
+/// Consecutive entries of a list of shadow-map tiles or build steps, which one submission to the device processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batch {
     first: u32,
     count: u32,
 }
 
-/// Bytes of one entry in a list of shadow-map tiles.
+/// Size of one entry in the list of shadow-map tiles on the device, bytes.
 const ENTRY_BYTES: u64 = 4;
 
 impl Batch {
-    /// Binds a batch's part of a work list to a shader, which sees it as the whole list.
+    /// Binds one batch's part of a list of shadow-map tiles, so that the shader sees only this part.
     pub fn binding<'a>(&self, list: &'a wgpu::Buffer) -> wgpu::BindingResource<'a> {
         wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: list,
@@ -25,51 +26,53 @@ impl Batch {
         })
     }
 
-    /// Returns the indices in the work list of the entries that one batch processes.
+    /// Returns the range of list entries (shadow-map tiles or build steps) that this batch processes.
     pub fn range(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// Returns the dispatch size of a batch, with one workgroup per entry of the work list.
+    /// Returns the dispatch size of a batch, with one workgroup per list entry (shadow-map tile or build step).
     pub fn workgroups(&self) -> [u32; 3] {
         shape_of(self.count)
     }
 }
 
-/// Longest duration of one submission while a shadow map is built, and the measured speed of each compute pass.
+/// Choice of the batch size for the build passes of a shadow map, from the intended duration of a submission and the
+/// measured speed of each pass.
 #[derive(Debug)]
 pub struct TilePace {
     target_ms: f64,
-    /// Measured speed of each build pass of a shadow map, in tiles per millisecond.
+    /// Measured speed of each build pass of a shadow map, in tiles (or steps) per millisecond.
     rates: Mutex<Vec<(&'static str, f64)>>,
 }
 
 /// Number of shadow-map tiles in the first batch, before the speed of the adapter is known.
 const FIRST_TILES: u32 = 16;
-/// Largest factor by which the measured speed of a shadow-map build rises from one batch to the next. A batch of
-/// empty tiles says nothing about the next batch.
+/// Largest factor by which the speed assumed for a shadow-map build pass rises from one batch to the next. A batch of
+/// empty tiles is fast, but the next batch may not be.
 const FASTER: f64 = 1.25;
 
 impl TilePace {
-    /// Creates a pace for shadow-map builds with submissions of about `target_ms`. With an infinite target, one
-    /// submission builds all tiles.
+    /// Starts the choice of batch sizes for shadow-map builds, for submissions of about `target_ms`. With an infinite
+    /// target, one submission processes all tiles.
     pub fn new(target_ms: f64) -> Self {
         Self { target_ms, rates: Mutex::default() }
     }
 
-    /// Whether the duration of submissions is limited. The queue then has to be idle before each one, so that its
-    /// duration can be measured.
+    /// Whether the duration of submissions during a shadow-map build is limited. The device then has to be idle
+    /// before each submission, so that its duration can be measured.
     pub(super) fn is_limited(&self) -> bool {
         self.target_ms.is_finite()
     }
 
-    /// Returns the alignment of batches in a work list: each batch starts at a multiple of this number of entries.
+    /// Returns the alignment of batches in a list of shadow-map tiles: each batch starts at a multiple of this number
+    /// of entries.
     pub(super) fn granule(limits: &wgpu::Limits) -> u32 {
         limits.min_storage_buffer_offset_alignment.div_ceil(ENTRY_BYTES as u32).max(1)
     }
 
-    /// Runs a compute pass over `count` entries of a work list in batches, and returns the sum of their durations. An
-    /// empty list is one empty batch.
+    /// Runs a build pass of a shadow map over `count` list entries (tiles or steps) in batches, and returns the sum
+    /// of the durations. An empty list is one empty batch.
     pub(super) fn run_batches(
         &self,
         pass: &'static str,

@@ -3,7 +3,7 @@
 use crate::scene::{Camera, Scene};
 use glam::{DAffine3, DVec3};
 
-/// Camera with the aspect ratio and the height of its picture.
+/// Camera with the aspect ratio and the pixel height of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     camera: Camera,
@@ -11,8 +11,8 @@ pub struct View {
     aspect: f64,
     /// Height of the picture in pixels.
     height: u32,
-    /// Margin around the view that a shadow map covers on each side, as a share of the view. A camera that moves
-    /// slightly stays within it.
+    /// Margin by which a shadow map extends beyond the camera view on each side, as a share of the view. The map then
+    /// remains valid while the camera moves slightly.
     pub(super) margin: f64,
 }
 
@@ -23,25 +23,26 @@ impl View {
         Self { camera: scene.camera, aspect, height: scene.height, margin: 0.0 }
     }
 
-    /// Returns the view in which a scene's picture needs shadows; `None`: everywhere. A mesh needs shadows outside
-    /// the active bricks too, and its occluders may lie outside the view.
+    /// Returns the camera view to which the shadow maps of a scene may be limited; `None` if shadows are needed
+    /// everywhere. The latter holds for a scene with a mesh, whose occluders may lie outside the view.
     pub fn of_shadows(scene: &Scene) -> Option<Self> {
         scene.mesh.is_none().then(|| Self::of(scene))
     }
 
-    /// Widens the view so that it also contains another picture of the same camera.
+    /// Widens this camera view so that it also contains the picture of another scene with the same camera.
     #[must_use]
     pub fn holding(self, other: &Scene) -> Self {
         Self { aspect: self.aspect.max(Self::of(other).aspect), ..self }
     }
 
-    /// Sets the margin around the view that a shadow map covers, as a share of the view.
+    /// Sets the margin by which a shadow map extends beyond the camera view on each side, as a share of the view.
     #[must_use]
     pub fn with_margin(self, margin: f64) -> Self {
         Self { margin, ..self }
     }
 
-    /// Returns the view frustum in the coordinates that `world_from` maps to world coordinates (mm).
+    /// Returns the view frustum of the camera in other coordinates; `world_from` maps these to world coordinates
+    /// (mm).
     pub fn frustum(&self, world_from: &DAffine3) -> Frustum {
         let frame = self.camera.frame();
         // Rounding on the device moves rays slightly.
@@ -64,14 +65,14 @@ impl View {
         self.camera.frame().forward
     }
 
-    /// Returns the width of a pixel of the picture, on a plane across the view through a world point, mm.
+    /// Returns the width of a picture's pixel at the distance of a world point from the camera, mm.
     pub(super) fn pixel_mm(&self, world: DVec3) -> f64 {
         let distance = (world - self.camera.eye).dot(self.camera.frame().forward);
         2.0 * (0.5 * self.camera.fov_deg.to_radians()).tan() * distance.max(0.0) / f64::from(self.height)
     }
 }
 
-/// View frustum as five planes, each with its outward normal and the distance of the origin along it.
+/// View frustum of a camera as five planes, each with its outward normal and the distance of the origin along it.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum([(DVec3, f64); 5]);
 

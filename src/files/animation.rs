@@ -51,7 +51,7 @@ pub struct Animated {
     pub size: [u32; 2],
     /// Number of frames of the animation.
     pub frames: u32,
-    /// Frame rate in frames per second, within [`PICTURES_PER_SECOND`].
+    /// Frame rate of the animation, frames per second, within [`PICTURES_PER_SECOND`].
     pub fps: f64,
     /// Background behind the volume in each frame of the animation.
     pub backdrop: Backdrop,
@@ -154,16 +154,17 @@ fn png_writer(
 
 /// Colour palette of a GIF file, shared by all frames, since a palette for each frame would flicker.
 struct Palette {
-    /// Distance between the pixels that are sampled for the palette of a GIF file, in pixels.
+    /// Interval between the pixels that are sampled to choose the palette of a GIF file: every `stride`-th pixel.
     stride: usize,
-    /// Number of pixels of the next GIF frame before the first one that is sampled for the palette.
+    /// Number of pixels to skip at the start of the next GIF frame before a pixel is sampled for the palette.
     next: usize,
     /// Sampled pixels from which the palette of a GIF file is chosen, RGBA.
     sample: Vec<u8>,
-    /// Palette index of each known colour of a GIF file. Before [`Self::choose`] the keys are all colours found,
-    /// until there are more than [`COLORS`].
+    /// Palette index of each colour of a GIF file, filled on demand. Before [`Self::choose`], the keys are the
+    /// colours found in the frames, until there are more than [`COLORS`].
     places: HashMap<[u8; 3], u8>,
-    /// Neural network that finds the nearest palette colour of a GIF file; `None` if `places` contains every colour.
+    /// Neural network that finds the nearest palette colour; `None` if the palette contains every colour of the GIF
+    /// file.
     net: Option<NeuQuant>,
 }
 

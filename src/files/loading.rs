@@ -54,8 +54,8 @@ impl ReadingStage {
 pub struct ReadingProgress {
     /// Current stage of reading the volume.
     pub stage: ReadingStage,
-    /// Finished fraction of reading a volume, 0 to 1; it never decreases. [`crate::volume::Histogram::of_with`] is
-    /// the last part.
+    /// Finished fraction of reading a volume, 0 to 1; it never decreases. The histogram of the voxel values
+    /// ([`crate::volume::Histogram::of_with`]) is computed last.
     pub share: f64,
 }
 
@@ -78,7 +78,7 @@ struct State {
 pub struct Reduced {
     /// Number of voxels along x, y and z before downsampling.
     pub from: [usize; 3],
-    /// Downsampling factors along x, y and z: voxels of a block that became one voxel.
+    /// Downsampling factors along x, y and z: size in voxels of the block that became one voxel.
     pub factors: [usize; 3],
 }
 
@@ -88,7 +88,7 @@ impl Loading {
         self.lock().progress
     }
 
-    /// Requests cancellation of the reading, which then soon returns an error.
+    /// Requests that the reading of the volume is cancelled; it then soon returns an error.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
@@ -98,7 +98,8 @@ impl Loading {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Returns an error if the reading of the volume was cancelled; `source` is the file or name for the message.
+    /// Returns an error if the reading of the volume was cancelled; `source` is the file or name that the error
+    /// message states.
     ///
     /// # Errors
     /// The reading was cancelled.
@@ -132,15 +133,15 @@ impl Loading {
         self.lock().reduced.take()
     }
 
-    /// Begins a stage of reading the volume.
+    /// Reports that a stage of reading the volume begins.
     pub fn begin(&self, stage: ReadingStage) {
         let progress = &mut self.lock().progress;
         progress.stage = stage;
         progress.share = progress.share.max(stage.name_and_span().1[0]);
     }
 
-    /// Begins a stage of reading a volume that consists of `total` equal pieces of work, which several threads may
-    /// do.
+    /// Begins a stage of reading a volume with `total` equal pieces of work. Returns their progress counter, which
+    /// several threads may share.
     pub fn pieces(&self, stage: ReadingStage, total: usize) -> Pieces<'_> {
         self.begin(stage);
         Pieces { loading: self, total: total as u64, done: AtomicU64::new(0) }
@@ -159,7 +160,7 @@ impl Loading {
     }
 }
 
-/// Progress counter for a stage of reading a volume that consists of equal pieces of work.
+/// Progress counter of one stage of reading a volume; it counts the finished pieces of work, all of equal size.
 #[derive(Debug)]
 pub struct Pieces<'a> {
     loading: &'a Loading,
@@ -168,13 +169,13 @@ pub struct Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    /// Counts one more piece of work as done, in the current stage of reading a volume.
+    /// Counts one more finished piece of work in the current stage of reading a volume.
     pub fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.loading.note(done as f64 / self.total.max(1) as f64);
     }
 
-    /// Returns whether the reading of the volume was cancelled.
+    /// Returns whether the reading of the volume was cancelled, so that threads can stop their work.
     pub fn is_cancelled(&self) -> bool {
         self.loading.is_cancelled()
     }

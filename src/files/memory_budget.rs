@@ -5,19 +5,19 @@ use std::path::Path;
 /// Memory and texture limits for the voxels of a volume.
 #[derive(Debug, Clone, Copy)]
 pub struct MemoryBudget {
-    /// Downsampling factors along x, y and z that the user chose. If set, the limits do not apply.
+    /// Downsampling factors along x, y and z that the user chose. If set, the memory and texture limits do not apply.
     pub fixed: Option<[usize; 3]>,
-    /// Largest number of bytes for the voxels and the data stored for each of them.
+    /// Largest number of bytes for the voxels of a volume and the data stored beside each voxel.
     pub most_bytes: u64,
-    /// Bytes of host memory per voxel, in addition to the voxel value itself.
+    /// Bytes of host memory for each voxel of a volume, in addition to the voxel value itself.
     pub bytes_beside: u64,
-    /// Largest side of a 3-D texture, in texels; the second argument of `fits_texture`.
+    /// Largest number of texels along one side of a 3-D texture.
     pub texture_side: usize,
     /// Function that returns whether a volume with given dimensions fits 3-D textures with a given largest side.
     pub fits_texture: fn([usize; 3], usize) -> bool,
 }
 
-/// Largest downsampling factor along one axis that is tried.
+/// Largest downsampling factor along one axis of a volume in the search for factors that fit the memory budget.
 const MOST_FACTOR: usize = 64;
 
 /// Dimensions of a volume after downsampling; an incomplete block at the end of an axis becomes one voxel.
@@ -26,8 +26,9 @@ pub fn reduced_dims(dims: [usize; 3], factors: [usize; 3]) -> [usize; 3] {
 }
 
 impl MemoryBudget {
-    /// Returns downsampling factors that make a volume fit the memory budget. It minimises the largest factor, then
-    /// the product of the factors, then the longest side. Therefore no axis is reduced far more than the others.
+    /// Returns downsampling factors that make a volume fit the memory budget. The largest of the three factors is as
+    /// small as possible, then their product, then the longest side of the result. Thus no axis is reduced far more
+    /// than the others.
     ///
     /// # Errors
     /// No factors make the volume fit the memory budget.
@@ -63,7 +64,8 @@ fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
     dims.iter().try_fold(voxel_bytes, |bytes, n| bytes.checked_mul(*n as u64))
 }
 
-/// Fraction of free host memory that voxels may use; the rest is for data structures built from them.
+/// Fraction of the free host memory that the voxels of a volume may use. Data structures built from the voxels need
+/// the rest.
 const SHARE: f64 = 0.8;
 
 /// Free memory of this process in bytes, limited by the machine and by Linux control groups. Returns `None` where the

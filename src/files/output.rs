@@ -83,7 +83,7 @@ impl WholeFile {
     }
 }
 
-/// Entry of a temporary file in the list of unfinished outputs; it is removed on drop.
+/// Entry of one temporary file in the list of unfinished outputs; dropping it removes the entry from the list.
 struct BegunEntry(PathBuf);
 
 impl Drop for BegunEntry {
@@ -92,7 +92,8 @@ impl Drop for BegunEntry {
     }
 }
 
-/// Creates a memory buffer that moves to a temporary file in the output's folder above `memory_bytes` bytes.
+/// Creates a buffer in memory; beyond `memory_bytes` bytes, its contents move to a temporary file in the output's
+/// folder.
 pub(super) fn spool_beside(path: &Path, memory_bytes: usize) -> SpooledTempFile {
     tempfile::spooled_tempfile_in(memory_bytes, folder_of(path))
 }
@@ -131,10 +132,11 @@ pub fn check_output_dir(path: &Path) -> Result<()> {
     }
 }
 
-/// Returns an error if a folder already contains the table `file`, so that no table is overwritten by accident.
+/// Returns an error if a folder already contains the result table `file`, so that no table is overwritten by
+/// accident.
 ///
 /// # Errors
-/// Input error: the folder cannot be used.
+/// Input error: the folder already contains this table.
 pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     if std::fs::metadata(folder.join(file)).is_ok_and(|m| m.len() > 0) {
         let why = format!("it holds {file} already");

@@ -13,7 +13,7 @@ use std::path::Path;
 /// File name extensions of the supported image formats.
 pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
 
-/// Background of an image or animation file.
+/// Whether an image or animation file includes the background behind the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Backdrop {
     /// Opaque image, which shows the background over which the picture was drawn.
@@ -24,8 +24,8 @@ pub enum Backdrop {
     LeftOut,
 }
 
-/// Writes a picture to an image file: `height x width x 4`, linear RGB composited over the background, and opacity `1
-/// - T_eye` (`T_eye`: transmittance along the eye ray). The extension selects the format: `.png` (8-bit sRGB,
+/// Writes a picture to an image file: `height x width x 4`, linear RGB composited over the background, and opacity
+/// `1 - T_eye` (`T_eye`: transmittance along the eye ray). The extension selects the format: `.png` (8-bit sRGB,
 /// opaque), `.exr` (linear, 32-bit float RGBA) or `.npy` (float32, all four channels unchanged).
 ///
 /// # Errors

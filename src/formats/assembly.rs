@@ -18,7 +18,8 @@ impl Assembly {
         Self { dims, voxels: None }
     }
 
-    /// Copies a block of voxels into the voxel grid of a volume, with the first voxel of the block at index `from`.
+    /// Copies a block of voxels into the voxel grid of a volume; `from` is the grid index of the first voxel of the
+    /// block.
     ///
     /// # Errors
     /// The block exceeds the grid, its element type differs from that of the first block, or the host has too little

@@ -6,12 +6,14 @@ use crate::volume::{Element, Voxels};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Component, Path, PathBuf};
 
-/// Returns a function that turns a reason into the error "cannot read volume" for a volume file.
+/// Returns a function that turns a reason into the error "cannot read volume" with that reason and the path of the
+/// volume file.
 pub(super) fn refusal(path: &Path) -> impl Fn(String) -> Error {
     move |why| Error::input("cannot read volume", path.display(), why)
 }
 
-/// Returns a warning for a volume file with several frames, which says that only frame `frame` (from 0) was read.
+/// Returns a warning for a volume file with several frames (such as time points): only the frame with index `frame`
+/// (from 0) was read.
 ///
 /// # Errors
 /// The volume file has too few frames: `frame` is out of range.
@@ -40,7 +42,7 @@ pub(super) fn sibling(header: &Path, name: &str) -> Result<PathBuf, String> {
     Ok(header.parent().unwrap_or(Path::new("")).join(path))
 }
 
-/// Returns the length of a unit in mm, by the name of the unit; `None` for an unknown name.
+/// Returns the length in mm of a length unit that is given by its name, such as `cm`; `None` for an unknown name.
 pub(super) fn mm_of(unit: &str) -> Option<f64> {
     Some(match unit {
         "mm" | "millimeter" | "millimeters" => 1.0,

@@ -12,9 +12,9 @@ use crate::volume::{ByteOrder, Voxels};
 use std::io::{self, Read, Take};
 use std::path::{Path, PathBuf};
 
-/// Largest number of data files of one volume.
+/// Largest accepted number of data files of one volume.
 const MAX_FILES: usize = 1 << 16;
-/// Largest number of digits of the number in a file-name pattern such as `s%03d.raw`.
+/// Largest accepted width of the number in a file-name pattern such as `s%03d.raw`, in digits.
 const MAX_DIGITS: usize = 32;
 
 /// Encoding of the voxels in a data file: raw bytes, deflate-compressed bytes, or text.
@@ -32,15 +32,16 @@ pub(super) struct DataFiles {
     pub(super) encoding: Encoding,
     /// Offset of the encoded voxels in each data file, in bytes.
     pub(super) start: u64,
-    /// Decompressed bytes to skip before the voxels of a data file; `None` if the voxels are the last bytes of the
-    /// file.
+    /// Number of decompressed bytes to skip before the voxels of a data file; `None` if the voxels are the last bytes
+    /// of the file.
     pub(super) skip: Option<u64>,
-    /// Whether the whole volume file, header included, is gzipped; `start` then counts decompressed bytes.
+    /// Whether the whole volume file, header included, is gzipped. The offset of the voxels then counts decompressed
+    /// bytes.
     pub(super) is_gzipped: bool,
 }
 
 impl DataFiles {
-    /// Reads the voxels of one frame of a volume from its data files.
+    /// Reads the voxels of one frame (such as a time point) of a volume from its data files.
     ///
     /// # Errors
     /// A data file cannot be read, or holds fewer voxels than its header claims.
@@ -83,7 +84,7 @@ impl DataFiles {
         Block { offset, ..*block }.read(&mut source, 0).map_err(refuse)
     }
 
-    /// Reads the voxels of one frame of a volume, which may span several data files.
+    /// Reads the voxels of one frame (such as a time point) of a volume, which may span several data files.
     fn read_split(
         &self,
         compression: Compression,
@@ -121,7 +122,7 @@ impl DataFiles {
     }
 }
 
-/// Concatenation of several data files into one stream. Each file carries the error text for its early end.
+/// Concatenation of several data files into one stream. If a file ends too early, its stored error text is returned.
 struct Joined<'a, I> {
     files: I,
     current: Option<(String, Take<Source<'a>>)>,
@@ -202,7 +203,8 @@ pub(super) fn named_files(header: &Path, name: &str, list: &[String]) -> Result<
     (0..=count).map(file).collect()
 }
 
-/// Whether a data-file field is `LIST`, so that the names of the data files follow on separate lines.
+/// Whether the data-file field of an NRRD or MetaImage header is `LIST`. The names of the data files then follow on
+/// separate lines.
 pub(super) fn is_list(name: &str) -> bool {
     name.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list"))
 }

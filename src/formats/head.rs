@@ -22,7 +22,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// Reads the first bytes of an input file, gzipped or not. There are none for a folder or an unreadable file.
+    /// Reads the first bytes of an input file, gzipped or not. Returns no bytes for a folder or an unreadable file.
     pub fn of(path: &Path) -> Self {
         let mut bytes = vec![0; HEAD_BYTES];
         let loading = Loading::default();
@@ -34,12 +34,12 @@ impl Head {
         Self { path: path.into(), bytes, is_folder, is_gzipped }
     }
 
-    /// Whether the input file begins with these magic bytes.
+    /// Whether the input file begins with the magic bytes `magic`.
     pub fn starts_with(&self, magic: &[u8]) -> bool {
         self.bytes.starts_with(magic)
     }
 
-    /// Whether the name of the input file has one of these extensions, in any letter case.
+    /// Whether the name of the input file has one of the extensions `endings`, in any letter case.
     pub fn is_named(&self, endings: &[&str]) -> bool {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))

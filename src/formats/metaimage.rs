@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// File extensions of the MetaImage format.
 pub const EXTENSIONS: &[&str] = &["mha", "mhd"];
 
-/// Keys that can be the first one of a MetaImage header.
+/// Field names with which a MetaImage header can begin.
 const FIRST_KEYS: [&str; 3] = ["ObjectType", "NDims", "Comment"];
 
 /// Whether a file is a MetaImage volume.
@@ -29,7 +29,7 @@ pub fn is_metaimage(head: &Head) -> bool {
 
 const FORMAT: TextFormat = TextFormat { name: "metaimage", fields, description, data };
 
-/// Reads one frame (from 0) of a MetaImage volume.
+/// Reads one frame of a MetaImage volume, selected by its index from 0.
 ///
 /// # Errors
 /// The file cannot be read, is no MetaImage, holds no scalars, or has less data than its header claims.
@@ -45,7 +45,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     FORMAT.files(path)
 }
 
-/// Reads the fields of a MetaImage header. The last field is `ElementDataFile`.
+/// Reads the fields of a MetaImage header, up to the last one, `ElementDataFile`.
 fn fields(lines: &mut Lines<'_, '_>) -> Result<Fields, String> {
     let mut fields = Fields::default();
     while let Some(line) = lines.next()? {

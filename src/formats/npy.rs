@@ -1,8 +1,8 @@
 //! Reads NumPy `.npy` arrays as volumes: axes `[k, j, i]` (`i` fastest in C order), `[j, i]`, or `[frame, k, j, i]`.
 //!
-//! The crate `ndarray-npy` is not used: it needs the element type in advance and allocates the claimed sizes. Its
-//! header parser `py_literal` takes seconds for nested brackets of a damaged file. Source: NumPy's
-//! `numpy.lib.format`, "NPY format".
+//! The crate `ndarray-npy` is not used: it needs the element type in advance and allocates as much memory as a
+//! damaged file claims. Its header parser `py_literal` takes seconds for nested brackets of a damaged file. Source:
+//! NumPy's `numpy.lib.format`, "NPY format".
 
 use super::common::{frame_warning, inexact_integers, refusal};
 use super::head::Head;
@@ -36,8 +36,8 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// Reads one frame (from 0) of an `.npy` array as a volume. `spacing_mm` overrides the affine of the JSON sidecar
-/// file.
+/// Reads one frame of an `.npy` array as a volume, selected by its index from 0. `spacing_mm` overrides the affine of
+/// the JSON sidecar file.
 ///
 /// # Errors
 /// The file cannot be read, ends early, or is no array of numbers with two to four axes.

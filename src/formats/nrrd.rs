@@ -20,7 +20,7 @@ pub const EXTENSIONS: &[&str] = &["nrrd", "nhdr"];
 
 const MAGIC: &[u8] = b"NRRD000";
 
-/// Names of the NRRD field that gives the data files of a detached header.
+/// Names of the header field in which an NRRD header lists its separate data files.
 const DATA_FILE: &[&str] = &["data file", "datafile"];
 
 /// Whether a file is an NRRD volume.
@@ -30,7 +30,7 @@ pub fn is_nrrd(head: &Head) -> bool {
 
 const FORMAT: TextFormat = TextFormat { name: "nrrd", fields, description, data };
 
-/// Reads one frame (from 0) of an NRRD volume.
+/// Reads one frame of an NRRD volume, selected by its index from 0.
 ///
 /// # Errors
 /// The file cannot be read, is no NRRD file, holds no scalars, or has less data than its header claims.
@@ -85,7 +85,7 @@ fn description(fields: &Fields) -> Result<Description, String> {
 /// Spatial and frame axes of an NRRD array, without the leading axes that hold the components of a voxel.
 struct Axes {
     sizes: Vec<usize>,
-    /// Number of leading NRRD axes that hold the components of a voxel; each has size 1.
+    /// Number of leading NRRD axes that hold the components of a voxel; each of them must have size 1.
     first: usize,
 }
 

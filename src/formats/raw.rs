@@ -17,14 +17,15 @@ pub struct RawFile {
     /// Voxel size of the raw volume in mm, which overrides the affine of the sidecar file. Voxel (0, 0, 0) is then at
     /// the origin, and the grid axes are the world axes.
     pub spacing_mm: Option<[f64; 3]>,
-    /// Decompressed bytes before the first voxel of the raw file.
+    /// Number of decompressed bytes before the first voxel of the raw volume file.
     pub offset_bytes: u64,
     /// Contents of the JSON sidecar file beside the raw volume, if there is one.
     pub sidecar: Option<Sidecar>,
 }
 
 impl From<RawLayout> for RawFile {
-    /// Describes a raw volume whose voxels start at the first byte, without voxel size and sidecar file.
+    /// Creates the layout of a raw volume file whose voxels start at the first byte; it has no voxel size and no
+    /// sidecar file.
     fn from(layout: RawLayout) -> Self {
         Self { layout, spacing_mm: None, offset_bytes: 0, sidecar: None }
     }

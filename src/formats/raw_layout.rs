@@ -94,7 +94,7 @@ pub struct Sidecar {
 }
 
 impl Sidecar {
-    /// Creates the sidecar file contents for a volume that is written with this voxel layout.
+    /// Creates the contents of the JSON sidecar file for a volume that is written with this voxel layout.
     pub fn new(volume: &Volume, layout: &RawLayout) -> Self {
         let affine = volume.world_from_index();
         let Scaling { slope, intercept } = volume.scaling();

@@ -17,10 +17,10 @@ const DEFLATE_MAX_RATIO: u64 = 1032;
 /// Compression of the input stream of a volume file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compression {
-    /// Detects the compression: gzip if the stream starts with the gzip magic bytes, otherwise none.
+    /// Gzip compression if the stream of the volume file starts with the gzip magic bytes, otherwise none.
     Detected,
     None,
-    /// Gzip compression if the stream starts with the gzip magic bytes, otherwise zlib.
+    /// Gzip compression if the stream of the volume file starts with the gzip magic bytes, otherwise zlib.
     Deflate,
 }
 
@@ -32,7 +32,7 @@ enum Stream<'a> {
 /// Input stream of a volume file from a start offset on, decompressed while it is read.
 pub(super) struct Source<'a> {
     stream: Stream<'a>,
-    /// Number of bytes in the volume file from the start of the stream to the end of the file.
+    /// Number of bytes of the volume file from the start of the input stream to the end of the file.
     file_bytes: u64,
     /// Number of bytes found after the voxels of a compressed volume file.
     pub(super) trailing: u64,
@@ -85,12 +85,12 @@ impl<'a> Source<'a> {
         matches!(self.stream, Stream::Compressed(_))
     }
 
-    /// Returns an upper bound of the number of decompressed bytes in the input stream.
+    /// Returns an upper bound of the number of decompressed bytes in the input stream of a volume file.
     pub(super) fn max_bytes(&self) -> u64 {
         self.file_bytes.saturating_mul(if self.is_compressed() { DEFLATE_MAX_RATIO } else { 1 })
     }
 
-    /// Skips `count` bytes of the input stream; returns how many bytes were skipped.
+    /// Skips `count` bytes of the input stream of a volume file; returns the number of skipped bytes.
     fn skip(&mut self, count: u64) -> io::Result<u64> {
         if let Stream::Plain(file) = &mut self.stream {
             // The caller has compared `count` with the file's size, which fits in i64.
@@ -137,8 +137,8 @@ impl Block {
         grid_bytes(self.dims, self.element.bytes() as u64)
     }
 
-    /// Reads the voxels from an input stream that is at byte `position`. Reads on to the end of a compressed stream
-    /// to verify its checksum.
+    /// Reads a block of voxels from the input stream of a volume file, which is at byte `position`. Reads on to the
+    /// end of a compressed stream to verify its checksum.
     ///
     /// # Errors
     /// The stream cannot be read, or holds fewer bytes than the header claims.
@@ -148,7 +148,8 @@ impl Block {
         })
     }
 
-    /// Reads a block of voxels that is stored with z fastest. Does not downsample; the caller does.
+    /// Reads a block of voxels from a volume file that stores them with z fastest. Does not downsample them; the
+    /// caller does.
     ///
     /// # Errors
     /// See [`Self::read`].

@@ -11,7 +11,7 @@ use glam::DAffine3;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Largest size of a text header of a volume file, in bytes.
+/// Largest accepted size of a text header of a volume file, in bytes.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
 /// Volume format with a text header (NRRD or MetaImage), defined by its parsing functions.
@@ -19,11 +19,10 @@ pub(super) struct TextFormat {
     pub(super) name: &'static str,
     /// Reads all fields of the text header of a volume file, up to the voxels.
     pub(super) fields: fn(&mut Lines<'_, '_>) -> Result<Fields, String>,
-    /// Interprets the fields of the text header of a volume file. The returned voxel block is that of the first
-    /// frame.
+    /// Interprets the fields of the text header of a volume file. The returned voxel block describes the first frame.
     pub(super) description: fn(&Fields) -> Result<Description, String>,
-    /// Locates the voxels of a volume. Arguments are the header fields, the header path, the header size in bytes,
-    /// and whether the file is gzipped.
+    /// Locates the voxels of a volume. The arguments are the header fields, the path and size of the header, and
+    /// whether the file is gzipped.
     pub(super) data: fn(&Fields, &Path, u64, bool) -> Result<DataFiles, String>,
 }
 
@@ -37,7 +36,7 @@ pub(super) struct Description {
 }
 
 impl TextFormat {
-    /// Reads one frame (from 0) of an NRRD or MetaImage volume.
+    /// Reads one frame of an NRRD or MetaImage volume, selected by its index from 0.
     pub(super) fn read(&self, path: &Path, frame: usize, loading: &Loading) -> Result<Volume> {
         let refuse = refusal(path);
         let mut source = Source::open(path, loading)?;
@@ -122,7 +121,7 @@ impl Fields {
         self.all.push((name.trim().to_lowercase(), value.trim().to_owned()));
     }
 
-    /// Returns the value of the first header field that has one of these names.
+    /// Returns the value of the first field of a text header whose name is among `names`.
     pub(super) fn get(&self, names: &[&str]) -> Option<&str> {
         self.all.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
     }

@@ -3,7 +3,7 @@
 use crate::volume::element::Element;
 use std::io::{self, BufReader, Read};
 
-/// Largest number of characters of a number in text voxel data.
+/// Largest accepted number of characters of a number in text voxel data.
 const MAX_WORD_BYTES: usize = 400;
 
 /// Adapter that reads text numbers and returns them as little-endian bytes of binary voxels.
@@ -12,7 +12,7 @@ pub(super) struct TextNumbers<R> {
     element: Element,
     /// Number of voxels that remain to be read from the text.
     left: u64,
-    /// Binary bytes of the current voxel, and how many of these bytes were returned.
+    /// Binary bytes of the current voxel, and the number of these bytes that were already returned.
     bytes: [u8; 8],
     taken: usize,
 }

@@ -31,15 +31,15 @@ pub fn write_volume(volume: &Volume, path: &Path) -> Result<()> {
     }
 }
 
-/// Voxels to write to a volume file: the stored numbers, or the physical values converted to type `scaled`.
+/// Voxels to write to a volume file: the stored numbers, or their physical values converted to number type `scaled`.
 struct Numbers<'a> {
     volume: &'a Volume,
     scaled: Option<Element>,
 }
 
 impl<'a> Numbers<'a> {
-    /// Selects the numbers to write in a format without slope and intercept: physical values in the smallest suitable
-    /// type.
+    /// Selects the numbers to write to a volume format without slope and intercept: physical values in the smallest
+    /// suitable type.
     fn values(volume: &'a Volume) -> Self {
         let scaling = volume.scaling();
         if scaling == Scaling::IDENTITY {
@@ -62,7 +62,7 @@ impl<'a> Numbers<'a> {
         self.scaled.unwrap_or_else(|| self.volume.voxels().element())
     }
 
-    /// Writes all voxels of the volume as little-endian numbers, x fastest.
+    /// Writes all voxels of a volume as little-endian numbers, x fastest.
     fn write(&self, out: &mut (impl Write + ?Sized)) -> io::Result<()> {
         let Some(element) = self.scaled else { return out.write_all(self.volume.voxels().bytes()) };
         let [nx, ny, nz] = self.volume.dims();
@@ -144,8 +144,8 @@ fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
     })
 }
 
-/// Writes a volume file and its JSON sidecar file. Both files appear only after the voxels are written. A JSON file
-/// that is no sidecar is not overwritten.
+/// Writes a volume file and its JSON sidecar file, both only after the voxels are written. An existing JSON file that
+/// is no sidecar file gives an error.
 fn write_with_sidecar(
     sidecar: &Sidecar,
     path: &Path,

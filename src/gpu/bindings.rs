@@ -87,8 +87,8 @@ pub struct Group {
 }
 
 impl Group {
-    /// Creates a bind group of shader resources, each with its `@binding` number. Equal layouts are one object in
-    /// wgpu, and so a pipeline fits every bind group with its layout.
+    /// Creates a bind group of shader resources, each with its `@binding` number. Bind groups with equal layouts
+    /// share one layout object in wgpu, so that a pipeline can use either of them.
     pub fn new(gpu: &Gpu, label: &str, slots: &[(u32, Slot<'_>)]) -> Self {
         let visibility = wgpu::ShaderStages::COMPUTE;
         let (kinds, entries): (Vec<_>, Vec<_>) = slots

@@ -25,7 +25,8 @@ pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer
 pub(super) const STORAGE: BufferUsages =
     BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
-/// Constructors of storage buffers on the device, which refuse sizes that the adapter cannot bind.
+/// Constructors of storage buffers on the device, which return an error if the adapter cannot bind a buffer of the
+/// size.
 pub struct StorageBuffer;
 
 impl StorageBuffer {
@@ -67,12 +68,12 @@ pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Resu
     read_staging(gpu, &staging, gpu.submit([encoder.finish()]), bytes)
 }
 
-/// Creates a staging buffer, into which a submission copies data for the host to read.
+/// Creates a staging buffer: data that a submission copies into it can be read by the host.
 pub(super) fn staging_buffer(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
     buffer(&gpu.device, "read back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
 }
 
-/// Waits for a submission, and reads the staging buffer into which it copied data.
+/// Waits for a submission to the device, and reads the staging buffer into which it copied data.
 pub(super) fn read_staging<T: Pod>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,

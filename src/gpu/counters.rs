@@ -1,23 +1,26 @@
-//! Counters that shaders write for the host: loops that reach their iteration limit, and the amount of work. Every
-//! loop in WGSL has a limit that follows from the sizes of its data; a loop that reaches its limit is an error.
+//! Counters that shaders write for the host: loops that reach their iteration limit, and executed operations such as
+//! texture reads. Every loop in WGSL has a limit that follows from the sizes of its data; a loop that reaches its
+//! limit is an error.
 
 use crate::error::{Error, Result};
 use wgpu::BufferUsages;
 
-/// Device buffer with counters of shader loops at their limit and of work: `watched` of `shaders/field/watch.wgsl`.
+/// Device buffer with the counters that shaders write, of loops at their iteration limit and of executed operations:
+/// `watched` of `shaders/field/watch.wgsl`.
 #[derive(Debug)]
 pub struct DeviceCounters {
     buffer: wgpu::Buffer,
 }
 
-/// Bytes of the counter of shader loops that reached their iteration limit.
+/// Size of the counter of shader loops that reached their iteration limit, bytes.
 pub(super) const LOOP_COUNTER_BYTES: u64 = 4;
-/// Number of kinds of shader work that are counted, such as volume samples and texture reads.
+/// Number of kinds of shader operations that are counted, such as volume samples and texture reads.
 pub const WORK_KINDS: u32 = 5;
-/// Number of 32-bit words of the work counters: a low and a high word for each kind of work.
+/// Number of 32-bit words of the counters of shader operations: a low and a high word for each kind of operation.
 pub const WORK_WORDS: u32 = 2 * WORK_KINDS;
 
-/// Amount of work of compute passes, counted by the shaders (`shaders/field/work.wgsl`).
+/// Numbers of operations that shaders executed in compute passes, such as volume samples and texture reads, as
+/// counted by `shaders/field/work.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Work {
     /// Number of filtered samples of the volume that shaders took.
@@ -26,14 +29,14 @@ pub struct Work {
     pub lookups: u64,
     /// Number of texture reads of all kinds in shaders.
     pub loads: u64,
-    /// Number of volume cells through which light rays were marched.
+    /// Number of volume cells that the march along light rays traversed.
     pub cells: u64,
-    /// Number of pieces of light rays whose optical depth was integrated.
+    /// Number of intervals on light rays whose optical depth shaders computed.
     pub pieces: u64,
 }
 
 impl DeviceCounters {
-    /// Creates the device counters, all with value 0.
+    /// Creates the device buffer of the counters that shaders write, all with value 0.
     pub(super) fn new(device: &wgpu::Device) -> Self {
         Self {
             buffer: device.create_buffer(&wgpu::BufferDescriptor {
@@ -45,22 +48,23 @@ impl DeviceCounters {
         }
     }
 
-    /// Returns the binding of the device counters, `watched` of `shaders/field/watch.wgsl`.
+    /// Returns the binding of the counters that shaders write, `watched` of `shaders/field/watch.wgsl`.
     pub fn binding(&self) -> wgpu::BindingResource<'_> {
         self.buffer.as_entire_binding()
     }
 
-    /// Copies the count of shader loops that reached their limit to a staging buffer.
+    /// Copies the number of shader loops that reached their iteration limit to a staging buffer, for the host.
     pub(super) fn copy_to(&self, encoder: &mut wgpu::CommandEncoder, staging: &wgpu::Buffer, offset: u64) {
         encoder.copy_buffer_to_buffer(&self.buffer, 0, staging, offset, LOOP_COUNTER_BYTES);
     }
 
-    /// Returns the device buffer of all counters.
+    /// Returns the device buffer of all counters that shaders write.
     pub(super) fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
 
-    /// Decodes the counts of work from the words of all counters, and resets the work counters to 0.
+    /// Decodes the numbers of operations that shaders executed from the words of the counter buffer, and resets these
+    /// counters to 0.
     pub(super) fn take_work(&self, queue: &wgpu::Queue, counters: &[u32]) -> Work {
         queue.write_buffer(&self.buffer, LOOP_COUNTER_BYTES, &[0; 4 * WORK_WORDS as usize]);
         let sums = &counters[(LOOP_COUNTER_BYTES / 4) as usize..];
@@ -69,7 +73,7 @@ impl DeviceCounters {
         Work { samples, lookups, loads, cells, pieces }
     }
 
-    /// Rejects the result of a compute pass if shader loops reached their iteration limit, and resets the counter of
+    /// Returns an error if shader loops of a compute pass reached their iteration limit, and resets the counter of
     /// these loops to 0.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Chooses a graphics adapter, and opens its device with all limits of the adapter.
+//! Chooses a graphics adapter, and opens its device with the highest limits that the adapter supports.
 
 use super::counters::DeviceCounters;
 use super::sharing::{Sharing, Uncaptured};
@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Open graphics device with all limits of its adapter. Features beyond the WebGPU core are optional.
+/// Open graphics device with the highest limits that its adapter supports. Features beyond the WebGPU core are
+/// optional.
 #[derive(Debug)]
 pub struct Gpu {
     /// Open graphics device of wgpu.
@@ -19,21 +20,21 @@ pub struct Gpu {
     pub filters_float32: bool,
     /// Nanoseconds per tick of the device timestamps; `None` for a software adapter or one without timestamps.
     pub timestamp_period_ns: Option<f32>,
-    /// Counters of shader loops that reach their iteration limit, and of shader work.
+    /// Counters that shaders write: loops that reach their iteration limit, and executed operations.
     pub counters: DeviceCounters,
     /// State that threads share: device errors that wgpu reports outside of calls (validation, out of memory), and
-    /// the lock on submissions.
+    /// the time until which submissions are held back.
     pub sharing: Sharing,
     lost: DeviceLoss,
 }
 
-/// Reason why the graphics device was lost, if it was; all clones refer to the same state.
+/// Reason why the graphics device was lost; empty while it works. All clones refer to the same device.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceLoss(Arc<Mutex<Option<String>>>);
 
 impl DeviceLoss {
-    /// Returns the driver's reason once the graphics device is lost. No resource of a lost device can be used any
-    /// more.
+    /// Returns the driver's reason why the graphics device was lost; `None` while it works. No resource of a lost
+    /// device can be used any more.
     pub fn reason(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -56,8 +57,8 @@ impl Gpu {
         Ok(Self::from_parts(&adapter, device, queue))
     }
 
-    /// Returns the descriptor with which the graphics device is opened: all limits of the adapter, and the optional
-    /// features that it has.
+    /// Returns the descriptor with which the graphics device is opened: the adapter's highest limits, and the
+    /// optional features that it supports.
     pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::FLOAT32_FILTERABLE
@@ -70,7 +71,8 @@ impl Gpu {
         }
     }
 
-    /// Wraps an open device, such as that of a window. It must have been opened with [`Self::device_descriptor`].
+    /// Creates the graphics device from an open wgpu device, such as that of a window. It must have been opened with
+    /// [`Self::device_descriptor`].
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let features = device.features();
@@ -105,24 +107,24 @@ impl Gpu {
         }
     }
 
-    /// Returns a handle that tells whether and why the graphics device was lost.
+    /// Returns a handle that tells later whether and why the graphics device was lost.
     pub fn loss(&self) -> DeviceLoss {
         self.lost.clone()
     }
 
-    /// Returns an error if wgpu has reported an uncaptured device error of this thread since the last `take_error`.
+    /// Returns the first device error that wgpu has reported outside of a call for this thread, and clears it.
     pub fn take_error(&self) -> Result<()> {
         let failed =
             |e: Uncaptured| Err(Error::runtime("the graphics device failed", &self.info.name, e.why));
         self.sharing.take_error().map_or(Ok(()), failed)
     }
 
-    /// Submits commands to the graphics device. It first waits while another thread holds submissions back.
+    /// Submits commands to the graphics device. While another thread holds submissions back, it waits first.
     pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
         self.sharing.unheld(|| self.queue.submit(commands))
     }
 
-    /// Submits commands to the graphics device, and returns the time of the submission.
+    /// Submits commands to the graphics device, and returns the time of the submission on the host.
     pub fn submit_timed<I: IntoIterator<Item = wgpu::CommandBuffer>>(
         &self,
         commands: I,
@@ -164,13 +166,14 @@ impl Gpu {
     }
 }
 
-/// Returns the largest side of 3-D textures on the system's preferred adapter, in texels; `None` without an adapter.
+/// Returns the largest side of 3-D textures on the system's preferred graphics adapter, in texels; `None` without an
+/// adapter.
 pub fn texture_side() -> Option<usize> {
     choose(None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
 }
 
-/// Single wgpu instance of the process. NVIDIA's driver (580.159) finds no adapter for the 31st instance, even if all
-/// others are dropped.
+/// Single wgpu instance of this program. NVIDIA's driver (580.159) finds no adapter for the 31st instance, even if
+/// all others are dropped.
 static INSTANCE: LazyLock<wgpu::Instance> =
     LazyLock::new(|| wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle()));
 

@@ -1,4 +1,4 @@
-//! Compute pipelines of one graphics device: compiled at first use, run and timed.
+//! Compute pipelines of one graphics device: compiles each at first use, runs it and measures its time.
 
 use super::quirks::SOFTWARE_ADAPTER;
 use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Cache key of a compiled compute pipeline: its shader and the layouts of its bind groups.
+/// Cache key of a compiled compute pipeline: its shader variant and the layouts of its bind groups.
 type PipelineKey = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
 
 /// Graphics device with a cache of its compiled compute pipelines.
@@ -15,17 +15,19 @@ pub struct Kernels {
     gpu: Gpu,
     timer: PassTimer,
     store: Option<PipelineStore>,
-    /// Whether shaders read uniforms of bind groups 1 and 2 as storage buffers, see [`Self::new`].
+    /// Whether shaders read uniforms of bind groups 1 and 2 as storage buffers, which avoids recompilation on
+    /// software adapters.
     live: bool,
-    /// Whether shaders count their work, see [`Self::counting_work`].
+    /// Whether shaders count the operations that they execute, such as volume samples and texture reads.
     counting: AtomicBool,
     pipelines: Mutex<HashMap<PipelineKey, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Kernels {
-    /// Creates an empty pipeline cache for a graphics device. With `live`, a software adapter binds uniforms of bind
-    /// groups 1 and 2 as read-only storage buffers. Otherwise llvmpipe compiles uniform values into its code:
-    /// pictures become faster, but the first one under each new light takes hundreds of milliseconds longer.
+    /// Creates an empty cache of compute pipelines for a graphics device. With `live`, a software adapter binds
+    /// uniforms of bind groups 1 and 2 as read-only storage buffers. Otherwise llvmpipe compiles uniform values into
+    /// its code: pictures become faster, but the first one after each change of a light takes hundreds of
+    /// milliseconds longer.
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
@@ -33,7 +35,7 @@ impl Kernels {
         Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
-    /// Returns the graphics device of these compute pipelines.
+    /// Returns the graphics device for which the compute pipelines are compiled.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -94,8 +96,8 @@ impl Kernels {
         Ok(pipeline)
     }
 
-    /// Runs compute passes with shaders that count their work, and returns the counts. These shaders are slower: do
-    /// not time them.
+    /// Runs compute passes with shaders that count their operations, such as volume samples and texture reads, and
+    /// returns the counts. These shaders are slower: do not time them.
     ///
     /// # Errors
     /// `passes` fails, or the device is lost.
@@ -147,8 +149,8 @@ impl Kernels {
         })
     }
 
-    /// Runs a compute pipeline once per step, and waits until all steps are done. Each step has its own last bind
-    /// group and dispatch size, and reads what earlier steps stored.
+    /// Runs a compute pipeline once per step in one submission, and waits until all steps are done. Each step has its
+    /// own last bind group and dispatch size, and reads what earlier steps stored.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.

@@ -17,7 +17,7 @@ pub struct PipelineStore {
     /// Pipeline cache of wgpu, with which compute pipelines are created.
     pub cache: wgpu::PipelineCache,
     file: PathBuf,
-    /// Content of the pipeline cache's file when it was read.
+    /// Content of the pipeline cache's file when it was opened.
     stored: Option<Vec<u8>>,
 }
 
@@ -48,7 +48,7 @@ impl PipelineStore {
         Some(Self { cache, file, stored })
     }
 
-    /// Writes the pipeline cache to its file, unless the file already has this content.
+    /// Writes the compiled pipelines to the cache file, unless the file already has this content.
     fn save(&self) -> std::io::Result<()> {
         let Some(data) = self.cache.get_data().filter(|d| self.stored.as_ref() != Some(d)) else {
             return Ok(());

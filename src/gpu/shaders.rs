@@ -9,7 +9,7 @@ use wgpu::naga;
 
 static SHADERS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/shaders");
 
-/// Numeric constant that host and shaders share; WGSL code writes it as `#{NAME}`.
+/// Numeric constant with a name that host and shaders share; WGSL code refers to it as `#{NAME}`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Constant {
     name: &'static str,
@@ -55,12 +55,12 @@ impl Constant {
 pub struct ShaderVariant {
     /// WGSL file with the shader's entry point, e.g. `render/raycast.wgsl`.
     pub entry: &'static str,
-    /// WGSL modules of the shader, in the order of composition. Several files define each of the import paths
-    /// `umbravox::sink` and `umbravox::method`; a variant lists one of them.
+    /// WGSL modules of the shader variant, in the order of composition. Where several files define one import path,
+    /// such as `umbravox::sink` and `umbravox::method`, a variant lists one of these files.
     pub modules: Vec<&'static str>,
-    /// Names that the shader defines for `#ifdef` in WGSL.
+    /// Names that are defined in the shader variant, for `#ifdef` in WGSL.
     pub defs: Vec<&'static str>,
-    /// Values of the shader constants that WGSL code writes as `#{NAME}`.
+    /// Values of the constants in the shader variant to which WGSL code refers as `#{NAME}`.
     pub constants: Vec<Constant>,
 }
 
@@ -84,7 +84,7 @@ impl ShaderVariant {
         self
     }
 
-    /// Appends constants to the shader variant.
+    /// Appends constants, to which WGSL code refers as `#{NAME}`, to the shader variant.
     #[must_use]
     pub fn constants(mut self, constants: &[Constant]) -> Self {
         self.constants.extend(constants);
@@ -120,8 +120,8 @@ pub fn shader_paths() -> Vec<&'static str> {
     paths
 }
 
-/// Composes a shader variant to a naga module. With `live`, uniforms of bind groups 1 and 2 are read as storage
-/// buffers (see [`Kernels::new`](super::Kernels::new)).
+/// Composes the WGSL files of a shader variant to one naga module. With `live`, uniforms of bind groups 1 and 2 are
+/// read as storage buffers (see [`Kernels::new`](super::Kernels::new)).
 ///
 /// # Errors
 /// The shader cannot be composed, which is a fault of this program. The error has naga's message.

@@ -9,19 +9,21 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
-/// Longest time for which submissions to the device are held back, even without a release.
+/// Longest time for which submissions to the device are held back, even if the thread that holds them never releases
+/// them.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 
-/// State that all users of one graphics device share; clones refer to the same state.
+/// State that all users of one graphics device share (device errors, and the hold on submissions); clones refer to
+/// the same state.
 #[derive(Debug, Clone, Default)]
 pub struct Sharing(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Time until which no thread submits commands to the device.
+    /// Time until which submissions to the device are held back; `None` if they are not.
     held: Mutex<Option<Instant>>,
     released: Condvar,
-    /// First uncaptured device error of each thread, as wgpu's error callback reported it.
+    /// First device error of each thread, as reported by wgpu's callback for uncaptured errors.
     errors: Mutex<Vec<(ThreadId, Uncaptured)>>,
 }
 
@@ -30,7 +32,7 @@ struct Shared {
 pub struct Uncaptured {
     /// Message of an uncaptured device error, as wgpu words it.
     pub why: String,
-    /// Whether the error means that the device was out of memory; a repetition would fail too.
+    /// Whether the graphics device was out of memory. Repeating the call would then fail too.
     pub out_of_memory: bool,
 }
 
@@ -40,21 +42,21 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Sharing {
-    /// Holds back all submissions to the device ([`Gpu::submit`](super::Gpu::submit)) from the return of this call
-    /// until [`Self::release`], for a second at most.
+    /// Holds back the submissions of all threads to the device ([`Gpu::submit`](super::Gpu::submit)), until
+    /// [`Self::release`] or for a second at most.
     pub fn hold(&self) {
         *lock(&self.0.held) = Some(Instant::now() + LONGEST_HOLD);
     }
 
-    /// Allows submissions to the device again after [`Self::hold`].
+    /// Ends the hold on submissions to the device that [`Self::hold`] began.
     pub fn release(&self) {
         if lock(&self.0.held).take().is_some() {
             self.0.released.notify_all();
         }
     }
 
-    /// Waits while submissions to the device are held back, and then runs `act`. No thread can hold them back
-    /// meanwhile.
+    /// Waits while submissions to the device are held back, and then calls `act`. No thread can hold them back during
+    /// this call.
     pub(super) fn unheld<T>(&self, act: impl FnOnce() -> T) -> T {
         let mut held = lock(&self.0.held);
         while let Some(left) = held.and_then(|until| until.checked_duration_since(Instant::now())) {
@@ -64,7 +66,8 @@ impl Sharing {
         act()
     }
 
-    /// Stores an uncaptured device error that a call of this thread caused, unless an earlier one is still stored.
+    /// Stores a device error that a call of this thread caused and wgpu reported by its callback, unless an earlier
+    /// one is still stored.
     pub(super) fn note(&self, error: &wgpu::Error) {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();
@@ -74,7 +77,8 @@ impl Sharing {
         }
     }
 
-    /// Returns the first uncaptured device error that calls of this thread have caused since the last `take_error`.
+    /// Returns and clears the first device error that calls of this thread have caused and wgpu reported by its
+    /// callback.
     pub fn take_error(&self) -> Option<Uncaptured> {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();

@@ -6,8 +6,8 @@ use bytemuck::Pod;
 use std::ops::Range;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages};
 
-/// Creates a texture without mip levels that shaders read and the host writes; `usage` adds further usages. It does
-/// not compare the size with the adapter's limits.
+/// Creates a texture without mip levels, from which shaders read and to which the host writes. `usage` adds further
+/// texture usages. The size is not compared with the adapter's limits.
 pub fn texture(
     gpu: &Gpu,
     label: &str,
@@ -105,14 +105,14 @@ pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
     })
 }
 
-/// Creates a 3-D texture that shaders read and the host writes. It does not compare the size with the adapter's
-/// limits.
+/// Creates a 3-D texture from which shaders read and to which the host writes. The size is not compared with the
+/// adapter's limits.
 pub fn solid_texture(gpu: &Gpu, label: &str, format: TextureFormat, sides: [u32; 3]) -> wgpu::Texture {
     texture(gpu, label, format, TextureDimension::D3, sides, TextureUsages::empty())
 }
 
-/// 3-D texture on the device. Compute passes store to it if its format is one 32-bit float; textures of other formats
-/// are copied to or written by the host.
+/// 3-D texture on the device. Compute passes can store to it if its format is one 32-bit float; to textures of other
+/// formats, the host writes or copies.
 pub struct VolumeTexture {
     view: wgpu::TextureView,
 }

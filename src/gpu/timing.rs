@@ -6,13 +6,13 @@ use super::counters::LOOP_COUNTER_BYTES;
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
-/// Clock with which a duration was measured.
+/// Clock with which the duration of work on the device was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
-    /// Clock of the device: timestamps before and after the compute passes.
+    /// Clock of the graphics device: timestamps before and after a compute pass.
     GpuTimestamps,
-    /// Clock of the host: wall time from before the submission until the device is idle.
+    /// Clock of the host: time from before the submission of a compute pass until the device is idle.
     Wall,
 }
 
@@ -25,25 +25,25 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// Duration of work on the device, measured by device timestamps and by the host clock.
+/// Duration of compute passes, measured by device timestamps and by the host clock.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Span {
-    /// Duration by device timestamps, ms; `None` if the adapter has none.
+    /// Duration of compute passes by device timestamps, ms; `None` if the adapter has none.
     pub gpu_ms: Option<f64>,
-    /// Duration by the host clock, from before the submission until the device is idle, ms.
+    /// Duration of compute passes by the host clock, from before the submission until the device is idle, ms.
     pub wall_ms: f64,
 }
 
 impl Span {
-    /// Returns the sum of two durations, for each clock.
+    /// Returns the sum of two durations of compute passes, for the device clock and for the host clock.
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
         let gpu_ms = self.gpu_ms.zip(next.gpu_ms).map(|(a, b)| a + b);
         Self { gpu_ms, wall_ms: self.wall_ms + next.wall_ms }
     }
 
-    /// Returns the duration in ms by device timestamps, or by the host clock if there are none, and the name of the
-    /// clock.
+    /// Returns the duration of compute passes in ms, by device timestamps or, if there are none, by the host clock;
+    /// and which clock it is.
     pub fn best(&self) -> (f64, Clock) {
         self.gpu_ms.map_or((self.wall_ms, Clock::Wall), |ms| (ms, Clock::GpuTimestamps))
     }
@@ -51,14 +51,15 @@ impl Span {
 
 /// Timer of compute passes on the device, one submission at a time.
 pub struct PassTimer {
-    /// Query set of two timestamps and the buffer that they are resolved to, used by one compute pass at a time.
+    /// Query set for the start and end timestamps of a compute pass, and the buffer into which the device writes
+    /// them. One compute pass uses them at a time.
     queries: Option<Mutex<(wgpu::QuerySet, wgpu::Buffer)>>,
 }
 
-/// Bytes of two device timestamps.
+/// Size of two device timestamps, bytes.
 const TICKS_BYTES: u64 = 16;
-/// Bytes that the host reads after a compute pass: its timestamps (0 without any) and the count of shader loops at
-/// their limit.
+/// Number of bytes that the host reads after a compute pass: two timestamps (0 without any), and the number of shader
+/// loops that reached their iteration limit.
 const REPORT_BYTES: u64 = TICKS_BYTES + LOOP_COUNTER_BYTES;
 
 impl PassTimer {
@@ -77,7 +78,7 @@ impl PassTimer {
         Self { queries }
     }
 
-    /// Records one compute pass, submits it, waits for it and returns its duration.
+    /// Records one compute pass with `record`, submits it, waits for it and returns its duration.
     ///
     /// The measured submission also copies its timestamps, so that reading them needs no second wait.
     ///

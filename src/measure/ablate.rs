@@ -19,38 +19,41 @@ pub struct Ablation {
     pub scene: String,
     /// Name of the graphics adapter on which the times were measured.
     pub adapter: String,
-    /// Clock of the shadow map's build time and of the frame time. Tables of the transfer function are always timed
-    /// by the host's clock.
+    /// Clock (GPU timestamps or the host's clock) that measured the shadow map's build time and the frame time. Times
+    /// of transfer function tables are always from the host's clock.
     pub clock: Option<&'static str>,
     /// Name of the shadow method.
     pub method: String,
     /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// Name of the disabled optimization, as `--no-skip` takes it.
+    /// Name of the renderer optimization that was disabled, as the option `--no-skip` takes it.
     pub omission: String,
-    /// Name of the rendering work that the optimization skips.
+    /// Rendering work, such as computing gradients, that the renderer optimization avoids.
     pub what: String,
-    /// Reason why the scene does not need the work that the optimization skips.
+    /// Reason why the scene does not need the rendering work that the optimization avoids.
     pub why: String,
-    /// Time to compute the transfer function's lookup tables and to classify bricks of the volume, with the
-    /// optimization enabled, ms.
+    /// Time to compute the transfer function's lookup tables and to classify the volume's bricks, with the tested
+    /// renderer optimization enabled, ms.
     pub tables_ms: Option<f64>,
-    /// Time to compute the transfer function's lookup tables and to classify bricks of the volume, with the
-    /// optimization disabled, ms.
+    /// Time to compute the transfer function's lookup tables and to classify the volume's bricks, with the tested
+    /// renderer optimization disabled, ms.
     pub tables_ms_forced: Option<f64>,
-    /// Time to build the shadow map with the optimization enabled, ms.
+    /// Time to build the shadow map with the tested renderer optimization enabled, ms.
     pub build_ms: Option<f64>,
-    /// Time to build the shadow map with the optimization disabled, ms.
+    /// Time to build the shadow map with the tested renderer optimization disabled, ms.
     pub build_ms_forced: Option<f64>,
-    /// Time to render one picture with the shadow map already built and the optimization enabled, ms.
+    /// Time to render one picture from a finished shadow map with the tested renderer optimization enabled, ms.
     pub frame_ms: Option<f64>,
-    /// Time to render one picture with the shadow map already built and the optimization disabled, ms.
+    /// Time to render one picture from a finished shadow map with the tested renderer optimization disabled, ms.
     pub frame_ms_forced: Option<f64>,
-    /// Memory of the shadow map, transfer function tables and brick data with the optimization enabled, bytes.
+    /// Memory of the shadow map, transfer function tables and brick classes with the tested renderer optimization
+    /// enabled, bytes.
     pub bytes: Option<u64>,
-    /// Memory of the shadow map, transfer function tables and brick data with the optimization disabled, bytes.
+    /// Memory of the shadow map, transfer function tables and brick classes with the tested renderer optimization
+    /// disabled, bytes.
     pub bytes_forced: Option<u64>,
-    /// Largest difference in any colour channel between the pictures with the optimization enabled and disabled.
+    /// Largest difference in any colour channel between two pictures: one with the tested renderer optimization
+    /// enabled, one with it disabled.
     pub picture_difference: Option<f64>,
     /// Explanation of empty values in this row of the ablation table, such as an error message.
     pub note: String,
@@ -63,8 +66,9 @@ struct Run {
     picture: Picture,
 }
 
-/// Measures every optimization that can be disabled, for every shadow method. A failure becomes a row with the error
-/// in its `note`. A method that fails with all optimizations enabled gets one such row.
+/// Measures the effect of each renderer optimization on times, memory and picture, for every shadow method. A failure
+/// becomes a row of the ablation table with the error in its `note`. A method that fails with all optimizations
+/// enabled gets one such row.
 ///
 /// # Errors
 /// The user cancelled the measurement.
@@ -82,7 +86,7 @@ pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -
     Ok(rows)
 }
 
-/// Returns the progress step that [`ablate`] begins once for each shadow method.
+/// Returns the step of the progress display for the ablation study of one shadow method.
 pub fn step(method: &dyn Method) -> Step {
     Step::new(StepKind::Ablation, &name_of(method))
 }
@@ -150,8 +154,8 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     Ok(rows.collect())
 }
 
-/// Recomputes everything that depends on the transfer function, from a volume on the device: its tables, brick
-/// classes, shadow maps and one picture.
+/// Computes the transfer function's tables and brick classes, the shadow maps and one picture from a volume that is
+/// already on the graphics device, and measures all of these.
 fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<Run> {
     let (renderer, loaded) = (&job.session.renderer, &job.session.loaded);
     let transfer = renderer.transfer(loaded, job.tf, forced)?;

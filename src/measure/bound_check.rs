@@ -16,21 +16,21 @@ use super::test_depths::sort_distinct;
 use crate::shadow::Bound;
 use serde::Serialize;
 
-/// Tolerance for the rounding of the exact transmittance curve itself, in transmittance.
+/// Tolerance in transmittance for rounding errors of the exact transmittance curve itself.
 pub const EXACT_ROUNDING: f64 = 1e-12;
 
 /// Deviation of a shadow method's transmittance from the exact transmittance at one depth of one light ray.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Deviation {
-    /// Index of the light ray, as passed to [`BoundReport::of_ray`].
+    /// Index of the light ray with this deviation, as passed to [`BoundReport::of_ray`].
     pub ray: usize,
     /// Depth along the light ray at which the deviation was measured, mm.
     pub depth_mm: f64,
-    /// Transmittance from the light to the depth of the deviation, by the shadow method.
+    /// Transmittance from the light to the depth of this deviation, by the shadow method.
     pub t_method: f64,
-    /// Exact transmittance from the light to the depth of the deviation.
+    /// Exact transmittance from the light to the depth of this deviation.
     pub t_exact: f64,
-    /// Size of the deviation in transmittance: `|t_method - t_exact|`, or the distance outside the interval that the
+    /// Deviation of the method's transmittance: `|t_method - t_exact|`, or the distance outside the interval that the
     /// error bound allows. Infinite where the method's transmittance is NaN.
     pub amount: f64,
 }
@@ -39,31 +39,33 @@ pub struct Deviation {
 /// bound.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct BoundReport {
-    /// Number of light rays tested.
+    /// Number of light rays along which a shadow method's transmittance was tested against the exact one.
     pub rays: usize,
-    /// Number of depths tested, over all light rays.
+    /// Number of depths at which a shadow method's transmittance was tested against the exact one, over all light
+    /// rays.
     pub depths: usize,
-    /// Deviation with the largest `|T_method - T_exact|`, without the tolerances of the error bound. Its amount is
-    /// the column `ray_err_max`.
+    /// Largest deviation `|T_method - T_exact|` of transmittance along the light rays, ignoring the error bound's
+    /// tolerances. Its amount is the column `ray_err_max` of the comparison table.
     pub largest: Option<Deviation>,
-    /// Number of tested depths that violate the method's error bound.
+    /// Number of depths on light rays at which the transmittance violates the shadow method's error bound.
     pub violations: usize,
-    /// Number of tested depths that satisfy the method's error bound only within the rounding envelope of the exact
-    /// transmittance curve.
+    /// Number of depths on light rays at which the error bound is satisfied only if float32 rounding of the ray and
+    /// of the volume's values is allowed for.
     pub limited: usize,
-    /// Largest distance of a tested depth's transmittance outside the interval of the error bound. Negative where all
-    /// depths lie inside.
+    /// Largest amount by which the method's transmittance lies outside the interval allowed by its error bound.
+    /// Negative where all tested depths lie inside.
     pub margin: Option<f64>,
-    /// Violation of the error bound with the largest distance outside the allowed interval.
+    /// Violation of the shadow method's error bound with the largest distance in transmittance from the allowed
+    /// interval.
     pub worst: Option<Deviation>,
-    /// Whether the shadow method states an error bound, which was then tested.
+    /// Whether the shadow method states an error bound for its transmittance.
     has_bound: bool,
 }
 
 impl BoundReport {
-    /// Tests one light ray: `values[i]` is the method's transmittance at `depths_mm[i]`, and `exact` returns the
-    /// exact transmittance from the light to any depth (mm). Without a `bound`, only `|T_method - T_exact|` is
-    /// measured.
+    /// Tests a shadow method's transmittance along one light ray: `values[i]` is the method's transmittance at
+    /// `depths_mm[i]`, and `exact` returns the exact transmittance from the light to any depth (mm). Without an error
+    /// `bound`, only `|T_method - T_exact|` is measured.
     ///
     /// If a depth lies outside the interval of the exact curve, `envelope` is called with depths (mm, ascending). It
     /// returns the rounding envelope with values at these depths: bounds of the curves that float32 cannot
@@ -129,7 +131,8 @@ impl BoundReport {
         report
     }
 
-    /// Merges the test results of two sets of light rays. The order of merging does not matter.
+    /// Merges two reports on errors of transmittance from two sets of light rays. The order of merging does not
+    /// matter.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         Self {
@@ -144,13 +147,14 @@ impl BoundReport {
         }
     }
 
-    /// Returns `ray_err_max`, the largest `|T_method - T_exact|`; `None` where no depth was tested.
+    /// Returns `ray_err_max`, the largest `|T_method - T_exact|` (T: transmittance) along light rays; `None` where no
+    /// depth was tested.
     pub fn ray_err_max(&self) -> Option<f64> {
         self.largest.map(|m| m.amount)
     }
 
-    /// Returns `bound_held`: whether the error bound is satisfied at every depth. `None` without a bound or without
-    /// tested depths.
+    /// Returns `bound_held`: whether the shadow method's error bound is satisfied at every tested depth. `None`
+    /// without an error bound or without tested depths.
     pub fn satisfied(&self) -> Option<bool> {
         (self.has_bound && self.depths > 0).then_some(self.violations == 0)
     }
@@ -160,7 +164,8 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).max_by(f64::total_cmp)
 }
 
-/// Returns the larger of two deviations. Ties go to the smaller ray index, then to the smaller depth.
+/// Returns the larger of two deviations from the exact transmittance. Ties go to the smaller light ray index, then to
+/// the smaller depth.
 fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
     match (a, b) {
         (Some(a), Some(b)) => {
@@ -175,22 +180,22 @@ fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
 /// Counts of transmittance values that cannot be physical: not monotone, outside `[0, 1]` or not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Sanity {
-    /// Number of transmittance values along light rays that exceed the smallest value nearer to the light by more
-    /// than the tolerance.
+    /// Number of transmittance values that increase along a light ray: they exceed the smallest value nearer to the
+    /// light by more than a tolerance.
     pub monotone_violations: usize,
-    /// Largest increase of transmittance over the smallest value nearer to the light. Increases within the tolerance
-    /// are included.
+    /// Largest increase of transmittance along a light ray, over the smallest value nearer to the light. Increases
+    /// within the tolerance count too.
     pub largest_rise: f64,
-    /// Number of finite transmittance values outside `[0, 1]` by more than the tolerance.
+    /// Number of finite transmittance values along light rays that lie outside `[0, 1]` by more than a tolerance.
     pub out_of_range: usize,
-    /// Number of transmittance values that are NaN or infinite.
+    /// Number of transmittance values along light rays that are NaN or infinite.
     pub non_finite: usize,
 }
 
 impl Sanity {
-    /// Tests the transmittance values of one light ray at ascending depths, with tolerances for the range `[0, 1]`
-    /// and for increases with depth. An increase is measured from the smallest value at least `apart_mm` nearer to
-    /// the light, so that many small increases add up.
+    /// Counts unphysical transmittance values of one light ray at ascending depths. The two tolerances are for the
+    /// range `[0, 1]` and for increases with depth. An increase is measured from the smallest value at least
+    /// `apart_mm` nearer to the light; many small increases thus add up.
     pub fn of_ray(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Self {
         let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());
         let mut found = Self { non_finite: values.len() - finite().count(), ..Self::default() };

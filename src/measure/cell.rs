@@ -49,7 +49,8 @@ impl<T: Into<Cell>> From<Option<T>> for Cell {
     }
 }
 
-/// Parses a table column's value from the text of its [`Cell`]; `None` where the text is not valid for the column.
+/// Parses the value of a comparison table column from a cell's text; `None` where the text is not valid for the
+/// column.
 pub(super) trait FromText: Sized {
     fn from_text(text: &str) -> Option<Self>;
 }
@@ -73,7 +74,7 @@ impl<T: FromText> FromText for Option<T> {
     }
 }
 
-/// Parses a cell of unknown type as the first type that fits: integer, real, Boolean, empty, text.
+/// Parses the text of a comparison table cell as the first type that fits: integer, real, Boolean, empty, text.
 impl FromText for Cell {
     fn from_text(text: &str) -> Option<Self> {
         let integer = || text.parse().ok().map(Self::Integer);

@@ -20,38 +20,42 @@ use crate::shadow::{Method, ShadowMap};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// Number of shadow map texels to compare between marching by samples and by cells.
+/// Maximum number of shadow map texels at which marching light rays by regular samples is compared with marching cell
+/// by cell.
 const TEXELS: usize = 1024;
-/// Number of shadow map texels drawn at random. Only those whose light rays meet extinction are compared.
+/// Number of shadow map texels drawn at random for the comparison of marching by samples and by cells. Texels without
+/// extinction on the light ray are then discarded.
 const DRAWN: usize = 8 * TEXELS;
-/// Number of depths compared on the light ray of each texel.
+/// Number of depths on each light ray at which the transmittances of marching by samples and by cells are compared.
 const DEPTHS: usize = 24;
-/// Tolerance in transmittance between a sampled shadow map and one marched by cells. A method with a larger error
-/// bound gets twice its bound.
+/// Allowed difference in transmittance between marching light rays by samples and by cells. If twice the method's
+/// error bound is larger, that is allowed.
 const TOLERANCE: f64 = 0.1;
 
-/// Result of comparing a shadow map marched by regular samples with the same map marched cell by cell.
+/// Differences in transmittance between a shadow map marched by regular samples and the same map marched cell by
+/// cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Check {
-    /// Number of shadow map texels compared between marching by samples and by cells; their light rays meet
-    /// extinction.
+    /// Number of shadow map texels at which marching light rays by samples was compared with marching by cells.
     pub texels: u64,
-    /// Smallest tolerance in transmittance that all compared shadow map texels satisfy.
+    /// Smallest tolerance in transmittance within which marching by samples agrees with marching by cells at all
+    /// compared shadow map texels.
     pub max: f64,
-    /// Tolerance in transmittance that the comparison of sampled and cell-by-cell shadow maps requires.
+    /// Largest difference in transmittance that is allowed between marching light rays by samples and by cells.
     pub tolerance: f64,
-    /// Tolerance in depth along the light ray when transmittance curves are compared, mm.
+    /// Allowed displacement in depth between the transmittance curves of marching by samples and by cells, mm.
     pub depth_mm: f64,
 }
 
 impl Check {
-    /// Whether the sampled shadow map agrees with the map marched by cells within the required tolerance.
+    /// Whether the shadow map marched by samples agrees with the map marched by cells within the allowed difference
+    /// in transmittance.
     pub fn ok(&self) -> bool {
         self.max <= self.tolerance
     }
 
-    /// Merges the results of two shadow maps. Texel counts add up; the other values are those of the map with the
-    /// larger deviation relative to its tolerance.
+    /// Merges the comparisons of marching by samples and by cells for two shadow maps. Texel counts add up; the other
+    /// values come from the map with the larger difference relative to its tolerance.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let share = |c: &Self| c.max / c.tolerance;
@@ -60,8 +64,9 @@ impl Check {
     }
 }
 
-/// Compares a built shadow map of the scene's first light with the same map marched cell by cell. Returns `None`
-/// where the method does not march by samples, no drawn texel meets extinction, or the tolerance reaches 1.
+/// Compares the shadow map of the scene's first light, marched by regular samples, with the same map marched cell by
+/// cell. Returns `None` where the method does not march by samples, no drawn texel meets extinction, or the tolerance
+/// in transmittance reaches 1.
 ///
 /// # Errors
 /// The adapter cannot store the shadow map, or the device is lost.

@@ -21,10 +21,11 @@ use crate::shadow::Method;
 use ndarray::Axis;
 use std::collections::HashMap;
 
-/// Largest allowed difference in opacity between two pictures of one scene, which early ray termination may cause.
+/// Allowed difference in opacity between pictures of one scene by two shadow methods. Early ray termination may cause
+/// such a difference.
 const OPACITY_TOLERANCE: f32 = 2e-3;
 
-/// Returns the progress steps of comparing shadow methods on one scene, each with its number of repetitions.
+/// Returns the progress steps for the comparison of shadow methods on one scene, each with its number of repetitions.
 pub fn steps(methods: &[Box<dyn Method>], effort: &Effort) -> Vec<(Step, usize)> {
     let mut steps = vec![(Step::new(StepKind::Points, ""), 1), (Step::new(StepKind::ExactPicture, ""), 1)];
     steps.extend(methods.iter().flat_map(|method| method_steps(method.as_ref(), effort)));
@@ -116,8 +117,8 @@ pub fn compare_within(
     Ok(result)
 }
 
-/// Returns the tuned methods that are not among the requested ones, and the budgets that each requested or tuned
-/// method was chosen for.
+/// Splits the chosen methods of the settings search: returns those not among the requested methods, and the budgets
+/// of each method, requested ones first.
 fn beside(
     methods: &[Box<dyn Method>],
     chosen: Vec<Chosen>,
@@ -140,8 +141,8 @@ fn beside(
     (further, uses)
 }
 
-/// Fills the columns `tuned` and `tuned_for` of a comparison table row. Adds a note where its measured memory or time
-/// exceeds a budget.
+/// Fills the columns `tuned` and `tuned_for` of a comparison table row. Adds a note where the row's measured memory
+/// or time exceeds its budget.
 fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
     let row = &mut compared.row;
     (row.tuned, row.tuned_for) = (Some(!uses.is_empty()), tuned_for(uses));
@@ -157,8 +158,8 @@ fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
     }
 }
 
-/// Measures the errors of every method. Returns one row or failed row per method; notes and failures are added to
-/// `result`.
+/// Measures the errors of every shadow method, or takes them from the journal file. Returns one row or failed row of
+/// the comparison table per method; notes and failures are added to `result`.
 fn measure_errors<'m>(
     job: &Job,
     facts: &Facts,
@@ -220,8 +221,8 @@ fn measure_errors<'m>(
     Ok(rows)
 }
 
-/// Returns notes on methods whose picture differs in opacity from the first method's picture. Shadows never change
-/// opacity, so a difference shows a fault, such as a driver that aborts a shader's loop.
+/// Returns notes on shadow methods whose picture differs in opacity from the first method's picture. Shadows never
+/// change opacity; a difference shows a fault, such as a driver that aborts a shader's loop.
 fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     let opacity = |r: &TimedRow| r.compared.picture.as_ref().map(|p| p.index_axis(Axis(2), 3).to_owned());
     let Some((first, others)) = rows.split_first() else { return Vec::new() };
@@ -235,13 +236,15 @@ fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     others.iter().filter_map(note).collect()
 }
 
-/// Returns unique parts of file names for the methods' rows, in the order of `methods`.
+/// Returns a unique text for the file names of each shadow method, in the order of `methods`. The method's name and
+/// settings form the text.
 pub fn slugs(prefix: &str, methods: &[Box<dyn Method>]) -> Vec<String> {
     let mut used = HashMap::new();
     methods.iter().map(|method| unused_slug(prefix, method.as_ref(), &mut used)).collect()
 }
 
-/// Returns the scene, method and settings as part of a file name, with a number appended where that name is in use.
+/// Returns a text of scene, shadow method and settings for use in file names. A number is appended where the text is
+/// already in use.
 fn unused_slug(prefix: &str, method: &dyn Method, used: &mut HashMap<String, u32>) -> String {
     let map = method.map_size().map_or(String::new(), |n| format!(" map={n}"));
     let slug = prefix.to_owned() + &file_name_part(&format!("{}{map} {}", method.name(), method.params()));

@@ -1,4 +1,4 @@
-//! Result of comparing shadow methods: table rows with their pictures, notes and failures.
+//! Result of comparing shadow methods: comparison table rows with their pictures, notes and failures.
 
 use super::facts::Facts;
 use super::job::name_of;
@@ -10,22 +10,22 @@ use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
 use std::borrow::BorrowMut;
 
-/// Row of the comparison table with the method's picture.
+/// Row of the comparison table, together with the shadow method's picture.
 pub struct Compared {
     /// Row of the comparison table, with the measured values.
     pub row: Row,
-    /// Shadow method with its settings as requested. Where no map size is requested, the scene chooses it, and the
-    /// table row states it.
+    /// Shadow method with its settings as the user requested them. The shadow map size is listed only if the user
+    /// requested one.
     pub method: String,
-    /// Unique name for the files of a table row, such as its picture.
+    /// Unique text in the names of this shadow method's files, such as its picture.
     pub slug: String,
     /// Picture rendered with the shadow method: `height x width x 4`, linear RGBA. `None` where the method failed
-    /// before rendering.
+    /// before the picture was rendered.
     pub picture: Option<Array3<f32>>,
-    /// Rendering work that the renderer skipped because the scene does not need it.
+    /// Kinds of rendering work, such as gradients, that the renderer skipped because the scene does not need them.
     pub left_out: Vec<Omission>,
-    /// Largest channel difference per pixel from the reference picture with `rays` shadows, `height x width`; `None`
-    /// without a reference.
+    /// Largest colour channel difference at each pixel from the picture of the reference method `rays`, `height x
+    /// width`; `None` without that method.
     pub difference: Option<Array2<f32>>,
     /// Number of transmittance curve nodes in each shadow map texel; `None` where the method stores no nodes or they
     /// were not counted.
@@ -35,32 +35,34 @@ pub struct Compared {
 /// Result of comparing shadow methods on one or several scenes.
 #[derive(Default)]
 pub struct Comparison {
-    /// Compared methods, scene by scene, in the requested order. Failed methods are included.
+    /// Table rows and pictures of the compared shadow methods, scene by scene, in the requested order. Failed methods
+    /// are included.
     pub compared: Vec<Compared>,
     /// Notes on the measurement for the reader of the comparison table.
     pub notes: Vec<String>,
-    /// Failed parts of the comparison, each with its name, such as `dsm epsilon=0.02`, and its error.
+    /// Failed measurements of the comparison of shadow methods: pairs of a name, such as `dsm epsilon=0.02`, and an
+    /// error.
     pub failures: Vec<(String, Error)>,
-    /// Measured trials of the searches for method settings within budgets.
+    /// Measured trials of the searches for method settings within memory or time budgets.
     pub trials: Vec<Row>,
-    /// Methods with settings that the searches within budgets chose. Their rows follow those of the requested
-    /// methods.
+    /// Shadow methods with the settings that searches within budgets chose. Their comparison table rows follow those
+    /// of the requested methods.
     pub tuned: Vec<Box<dyn Method>>,
 }
 
 impl Comparison {
-    /// Returns the rows of the comparison table.
+    /// Returns the rows of the comparison table of shadow methods.
     pub fn rows(&self) -> Vec<Row> {
         self.compared.iter().map(|c| c.row.clone()).collect()
     }
 
-    /// Prefixes the notes and failures of a comparison with the name of its scene.
+    /// Puts the name of the scene before each note and failure of a comparison of shadow methods.
     pub fn name_scene(&mut self, name: &str) {
         self.notes.iter_mut().for_each(|note| *note = format!("{name}: {note}"));
         self.failures.iter_mut().for_each(|(what, _)| *what = format!("{name}: {what}"));
     }
 
-    /// Appends the comparison of another scene.
+    /// Appends the comparison of shadow methods on another scene.
     pub fn append(&mut self, mut other: Self) {
         self.compared.append(&mut other.compared);
         self.notes.append(&mut other.notes);
@@ -69,7 +71,8 @@ impl Comparison {
         self.tuned.append(&mut other.tuned);
     }
 
-    /// Creates the comparison of a scene that cannot be rendered at all, with a failed row for each method.
+    /// Creates the result of comparing shadow methods on a scene that cannot be rendered at all: a failed row for
+    /// each method.
     pub fn failed(
         facts: &Facts,
         scene_name: &str,
@@ -93,7 +96,8 @@ impl Comparison {
 }
 
 impl Compared {
-    /// Whether the row is of the reference method `rays`, whose picture the others are compared with.
+    /// Whether the comparison table row is of the reference method `rays`. The pictures of the other methods are
+    /// compared with its picture.
     pub fn is_reference(&self) -> bool {
         self.row.method == ShadowRays::default().name()
     }
@@ -112,7 +116,8 @@ impl Compared {
     }
 }
 
-/// Computes the difference of each method's picture from the reference picture.
+/// Computes the pixel-wise difference of each shadow method's picture from the picture of the reference method
+/// `rays`.
 ///
 /// # Errors
 /// The pictures differ in size.

@@ -23,44 +23,48 @@ use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Number of light rays along each side of a square beam. Each cell of the square has one ray at a random position.
+/// Number of light rays along each side of a square light beam. The square has a grid of cells, each with one ray at
+/// a random position.
 const SIDE: usize = 16;
 
-/// Number of rays in a light beam.
+/// Number of parallel rays that sample one light beam.
 pub const RAYS_PER_BEAM: usize = SIDE * SIDE;
 
-/// Largest number of light beams, which need 200 MiB of optical depth sums.
+/// Maximum number of light beams through the strands. Their sums of optical depth take 200 MiB.
 pub const MAX_BEAMS: usize = 100_000;
 
 /// Optical depth assigned to an opaque strand segment: its transmittance is indistinguishable from 0 in float64.
 const OPAQUE: f64 = 64.0;
 
-/// Unit of optical depth sums over strand segments. Sums of integer multiples are the same in any order.
+/// Unit in which optical depths of strand segments are summed, as integers. Such sums do not depend on the order of
+/// the segments.
 const UNIT: f64 = 1.0 / (1u64 << 32) as f64;
 
-/// Statistics of transmittance differences over light beams: voxelised strands minus strands as cylinders.
+/// Statistics of transmittance differences over light beams: through the voxel volume minus through the strands as
+/// cylinders.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct AgainstCylinders {
-    /// Number of light beams tested.
+    /// Number of light beams along which the voxel volume and its strands were compared.
     pub beams: usize,
-    /// Number of rays per light beam; the beam's transmittance is their mean.
+    /// Number of rays per light beam; the transmittance of the beam is the mean over its rays.
     pub rays_per_beam: usize,
-    /// Mean transmittance of light beams through the strands themselves.
+    /// Mean transmittance of light beams through the strands as cylinders.
     pub true_mean: f64,
     /// Mean signed difference in transmittance over light beams. Positive where the voxel volume transmits more light
     /// than the strands.
     pub mean: f64,
-    /// Root mean square difference in transmittance between the voxel volume and the strands.
+    /// Root mean square difference in transmittance between the voxel volume and the strands, over all light beams.
     pub rms: f64,
-    /// Largest absolute difference in transmittance between the voxel volume and the strands.
+    /// Largest absolute difference in transmittance between the voxel volume and the strands, over all light beams.
     pub max: f64,
-    /// Part of `rms` that the finite number of rays per beam may explain: half the rms difference between two halves
-    /// of each beam's rays.
+    /// Part of the difference `rms` that the finite number of rays per light beam may explain: half the rms
+    /// difference between two halves of each beam's rays.
     pub sampling_rms: f64,
 }
 
-/// Compares a volume of cubic voxels with the strands that it was made from, along `count` light beams towards a
-/// directional light. Every run uses the same beams. Returns `None` without strand segments or without beams.
+/// Compares the transmittance of a volume of cubic voxels with that of the strands it was made from, along `count`
+/// light beams towards a directional light. Repeated calls use the same beams. Returns `None` without strand segments
+/// or without beams.
 pub fn against_cylinders(
     strands: &Strands,
     volume: &Volume,
@@ -112,8 +116,8 @@ pub fn against_cylinders(
 }
 
 /// Returns the transmittance of light beams through the strands as cylinders. Beams are `width_mm` wide and run from
-/// `middles_mm` (world) towards a directional light. Each result holds the means over two interleaved halves of the
-/// beam's rays.
+/// `middles_mm` (world) towards a directional light. Each result has two means, over interleaved halves of the beam's
+/// rays.
 pub(super) fn beam_halves(
     strands: &Strands,
     middles_mm: &[DVec3],

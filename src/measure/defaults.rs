@@ -4,8 +4,8 @@ use super::cell::{Cell, FromText};
 use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};
 use itertools::Itertools as _;
 
-/// Returns all settings of a shadow method as cell values by name, defaults included, in the order of the table's
-/// columns. The map size is excluded; it has its own column.
+/// Returns the settings of a shadow method by name, defaults included, in the order of the comparison table's
+/// columns. The shadow map size is excluded; it has its own column.
 pub fn settings(method: &dyn Method) -> Vec<(&'static str, Cell)> {
     let values = method.values();
     let value =
@@ -33,12 +33,13 @@ pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     keys().into_iter().map(column).collect()
 }
 
-/// Returns the figure style of a shadow method by its name; `None` where no such method exists.
+/// Returns the figure style (such as colour) of a shadow method by its name; `None` where no such method exists.
 pub fn style(method: &str) -> Option<Style> {
     entry(method).map(|entry| entry.style)
 }
 
-/// Returns method settings for a synthetic table row in a test, from the method's name and `key=value` texts.
+/// Returns the settings of a shadow method for a comparison table row in a test, from the method's name and
+/// `key=value` texts.
 #[cfg(test)]
 pub(crate) fn settings_of(name: &str, params: &str) -> Vec<(&'static str, Cell)> {
     let spec = format!("{name}:{}", params.replace(' ', ","));

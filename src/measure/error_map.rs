@@ -1,5 +1,5 @@
-//! Error map of a shadow method, pixel by pixel: its picture, or its transmittance at the visible point, minus the
-//! exact result.
+//! Map of a shadow method's errors over the pixels of a picture: errors of the picture, or of the transmittance from
+//! the light to the visible point behind each pixel.
 
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -9,52 +9,54 @@ use crate::scene::Scene;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
 
-/// Number of picture rows computed between two checks for cancellation.
+/// Number of picture rows whose exact result is computed between two tests for cancellation.
 const ROWS_AT_ONCE: u32 = 4;
-/// Number of points per query for transmittance, small enough that other threads can render between queries.
+/// Maximum number of points per query for transmittance. A small number lets other threads render between queries.
 const POINTS_AT_ONCE: usize = 1 << 13;
 const BAND_MS: f64 = 25.0;
 
-/// Quantity whose error an error map shows: transmittance or picture colour.
+/// Quantity whose error an error map shows at each pixel: transmittance from the light or picture colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Error of the transmittance from the scene's first light to the visible point of each pixel, in front of which
-    /// half of the pixel's opacity lies.
+    /// Error of the transmittance from the scene's first light to the visible point behind each pixel. Half of the
+    /// pixel's opacity lies in front of this point.
     Light,
     /// Error of the rendered picture: the signed difference of the linear RGB channel with the largest absolute
     /// difference.
     Picture,
 }
 
-/// Exact results for the pixels of one scene: a picture, or the transmittance at visible points.
+/// Exact results for the pixels of one scene: a picture, or the transmittance from the light to the visible point
+/// behind each pixel.
 #[derive(Debug, Clone)]
 pub struct ExactView {
-    /// Scene of the exact results; its width and height are those of the error map.
+    /// Scene for which the exact results were computed; its width and height are those of the error map.
     pub scene: Scene,
     answer: Answer,
 }
 
 #[derive(Debug, Clone)]
 enum Answer {
-    /// Pixels with opacity, row by row: pixel index, visible point, and exact transmittance from the light to that
-    /// point.
+    /// Data of each pixel with opacity, row by row: pixel index, visible point behind the pixel, and exact
+    /// transmittance from the light to that point.
     Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
 }
 
-/// Errors of one shadow method, pixel by pixel.
+/// Errors of one shadow method at each pixel of a picture.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
-    /// Error of each pixel, method minus exact, `height x width`. NaN where the pixel has no opacity, infinite where
-    /// the method gives NaN.
+    /// Error at each pixel, shadow method minus exact result, `height x width`. NaN where the pixel has no opacity,
+    /// infinite where the method gives NaN.
     pub errors: Array2<f32>,
-    /// Statistics of the errors over pixels with opacity, weighted by opacity; `None` where no pixel has opacity.
+    /// Statistics of a shadow method's errors over the pixels with opacity, weighted by opacity; `None` where no
+    /// pixel has opacity.
     pub stats: Option<ErrorStats>,
 }
 
 impl ExactView {
-    /// Computes the exact results for every pixel of a scene. `go_on` is called every few rows; returns `None` if it
-    /// returned false.
+    /// Computes the exact picture or transmittance for every pixel of a scene. `go_on` is called every few rows; if
+    /// it returns `false`, the computation stops and gives `None`.
     ///
     /// [`Quantity::Light`] takes two rays per pixel: the camera ray, and one from the visible point to the light.
     /// [`Quantity::Picture`] takes a hundred or more.
@@ -98,8 +100,9 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// Computes a shadow method's errors against the exact results. `shadows` are the shadow maps of the scene's
-    /// lights, in order. `go_on` is called repeatedly; returns `None` if it returned false.
+    /// Computes a shadow method's errors at each pixel against the exact results. `shadows` are the shadow maps of
+    /// the scene's lights, in order. `go_on` is called repeatedly; if it returns `false`, the computation stops and
+    /// gives `None`.
     ///
     /// # Errors
     /// The device is lost.

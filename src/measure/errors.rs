@@ -1,5 +1,5 @@
-//! Transmittance errors of a built shadow map against the exact (float64) transmittance, at visible points and along
-//! light rays through texel centres.
+//! Measurement of a shadow map's transmittance errors against exact float64 transmittance, at visible points and
+//! along light rays through texel centres.
 
 use super::bound_check::BoundReport;
 use super::rays::pick_texels;
@@ -14,19 +14,21 @@ use crate::shadow::{LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Seed of the random choice of visible points. It is fixed, so that every run tests the same points.
+/// Seed for the random choice of points visible to the camera. It is fixed; every run measures errors at the same
+/// points.
 const SEED: u64 = 1;
 /// Number of light rays whose exact transmittance curves are in memory at the same time; each takes tens of
 /// kilobytes.
 const RAYS_AT_ONCE: usize = 256;
-/// Largest number of texels per side whose light rays are tested for extinction. On larger shadow maps, one texel
-/// represents a block.
+/// Maximum number of texels per side that are tested for extinction on their light rays. In larger shadow maps, one
+/// texel represents a block.
 const MOST_TESTED_TEXELS: u32 = 512;
-/// Fraction of the shadow map's depth range by which the tested part of a light ray extends beyond the extinction on
-/// it.
+/// Margin of the tested depth interval on a light ray, before its first and behind its last extinction, as a fraction
+/// of the shadow map's depth range.
 const MARGIN: f64 = 0.02;
 
-/// Points visible to the camera, with the exact transmittance from the light to each point.
+/// Points at which errors of shadow methods are measured: visible to the camera, each with its exact transmittance
+/// from the light.
 pub struct VisiblePoints {
     points_mm: Vec<DVec3>,
     weights: Vec<f64>,
@@ -47,45 +49,45 @@ impl VisiblePoints {
         Self { points_mm, weights: points.iter().map(|p| p.weight).collect(), exact }
     }
 
-    /// Returns the first `count` visible points, or all points if there are fewer.
+    /// Returns the first `count` points of a list of points visible to the camera, or all if there are fewer.
     pub fn first(&self, count: usize) -> Self {
         let n = self.len().min(count);
         let [weights, exact] = [&self.weights, &self.exact].map(|values| values[..n].to_vec());
         Self { points_mm: self.points_mm[..n].to_vec(), weights, exact }
     }
 
-    /// Returns a copy of the visible points with the given exact transmittance at each.
+    /// Returns a copy of the points visible to the camera with other values of exact transmittance.
     pub fn with_exact(&self, exact: Vec<f64>) -> Self {
         Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
     }
 
-    /// Number of visible points.
+    /// Number of points visible to the camera at which shadow errors are measured.
     pub fn len(&self) -> usize {
         self.points_mm.len()
     }
 
-    /// Positions of the visible points, world mm.
+    /// Positions of the points at which shadow errors are measured, all visible to the camera, world mm.
     pub fn points_mm(&self) -> &[DVec3] {
         &self.points_mm
     }
 
-    /// Weights of the visible points in error statistics.
+    /// Weights, by visibility to the camera, of the points at which shadow errors are measured.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// Exact transmittance from the light to each visible point.
+    /// Exact transmittance from the light to each of the points visible to the camera.
     pub fn exact(&self) -> &[f64] {
         &self.exact
     }
 
-    /// Whether the list of visible points is empty.
+    /// Whether there is no point visible to the camera at which shadow errors could be measured.
     pub fn is_empty(&self) -> bool {
         self.points_mm.is_empty()
     }
 
-    /// Returns statistics of `T_method - T_exact` over the visible points, weighted by visibility; `None` where no
-    /// point is visible.
+    /// Returns statistics of the transmittance errors `T_method - T_exact` over the points visible to the camera,
+    /// weighted by visibility; `None` where no point is visible.
     ///
     /// # Errors
     /// The device is lost.
@@ -93,7 +95,8 @@ impl VisiblePoints {
         ErrorStats::of(self.weighted(session, shadow)?)
     }
 
-    /// Returns `T_method - T_exact` at each visible point, with the point's weight.
+    /// Returns the transmittance error `T_method - T_exact` at each point visible to the camera, with the point's
+    /// weight.
     fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
         let values = session.query(shadow, &self.points_mm)?;
         let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
@@ -101,13 +104,13 @@ impl VisiblePoints {
     }
 }
 
-/// Visible points, divided among the lights with nonzero intensity. The points of each light are spread over the
-/// whole picture.
+/// Points visible to the camera at which shadow errors are measured, divided among the lights with nonzero intensity.
+/// The points of each light are spread over the whole picture.
 pub struct VisiblePointsByLight(Vec<VisiblePoints>);
 
 impl VisiblePointsByLight {
-    /// Chooses about `count` visible points in total for all lights. Fewer points are chosen where the camera sees
-    /// little.
+    /// Chooses about `count` points visible to the camera, as the total over all lights. Fewer points are chosen
+    /// where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         let points = field.visible_points(scene, count, SEED);
         let lights = scene.shining();
@@ -119,18 +122,18 @@ impl VisiblePointsByLight {
         Self(lights.iter().enumerate().map(part).collect())
     }
 
-    /// Number of visible points over all lights.
+    /// Number of points visible to the camera at which shadow errors are measured, over all lights.
     pub fn count(&self) -> usize {
         self.0.iter().map(VisiblePoints::len).sum()
     }
 
-    /// Visible points of each light.
+    /// Points visible to the camera at which shadow errors are measured, for each light.
     pub fn parts(&self) -> &[VisiblePoints] {
         &self.0
     }
 
-    /// Returns statistics of `T_method - T_exact` over the visible points of all lights together. `shadows` are the
-    /// shadow maps of the lights, in order.
+    /// Returns statistics of the transmittance errors `T_method - T_exact` at the visible points of all lights
+    /// together. `shadows` are the shadow maps of the lights, in order.
     ///
     /// # Errors
     /// See [`VisiblePoints::errors`].
@@ -143,8 +146,8 @@ impl VisiblePointsByLight {
     }
 }
 
-/// Chooses the texels of a shadow map whose light rays are tested, spread over the rays that meet extinction; see
-/// [`pick_texels`].
+/// Chooses the shadow map texels on whose light rays transmittance is tested, spread over the rays that meet
+/// extinction; see [`pick_texels`].
 pub fn texels_to_test(
     field: &ExactField,
     light: Light,
@@ -167,29 +170,32 @@ pub fn texels_to_test(
     picked.into_iter().filter(covered).collect()
 }
 
-/// Whether the light ray through a position on the shadow map (in texels) meets any extinction.
+/// Whether the light ray through a position on the shadow map (in texels) meets any extinction in the volume.
 pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpace, texel: DVec2) -> bool {
     let ray = LightRay::new(light_space, light, texel);
     field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
 }
 
-/// Test of a shadow map along light rays: the tested texels and the depths on each ray.
+/// Parameters for a test of a shadow map against exact transmittance along light rays: texels, and depths on each
+/// ray.
 pub struct RayTest<'a> {
-    /// Column and row of each tested shadow map texel.
+    /// Column and row of each shadow map texel whose light ray is tested.
     pub texels: &'a [[u32; 2]],
-    /// Light rays whose mean transmittance a shadow map texel represents (pre-filter taps).
+    /// Number and placement of the light rays that the shadow map's pre-filter averages in each texel.
     pub taps: Taps,
-    /// Number of test depths on each light ray.
+    /// Number of depths at which transmittance is tested on each light ray, apart from `nodes_mm`.
     pub depths: usize,
-    /// Depth tolerance for placing test depths around jumps, where the shadow method has no error bound, mm.
+    /// Tolerance in depth for placing test depths around jumps of transmittance, for shadow methods without an error
+    /// bound, mm.
     pub default_depth_mm: f64,
-    /// Further test depths on the light ray of each texel, mm, in the order of `texels`. Empty if there are none.
+    /// Additional depths at which transmittance is tested on each texel's light ray, mm, in the order of `texels`.
+    /// Empty if there are none.
     pub nodes_mm: &'a [Vec<f64>],
 }
 
 impl RayTest<'_> {
-    /// Compares the shadow map's transmittance with the exact curve of each tested texel. The `ray` of a reported
-    /// deviation is an index into `texels`.
+    /// Compares the transmittance of a shadow map with the exact transmittance along the light ray of each tested
+    /// texel. The `ray` of a reported deviation is an index into `texels`.
     ///
     /// # Errors
     /// The device is lost.
@@ -206,8 +212,8 @@ impl RayTest<'_> {
         Ok(report)
     }
 
-    /// Calls `visit` for each light ray with its test report, depths (mm, ascending) and transmittance values.
-    /// `query` returns the method's transmittance at points (world mm).
+    /// Tests a shadow method's transmittance along each light ray, and calls `visit` with the ray's report, depths
+    /// (mm, ascending) and transmittance values. `query` returns the method's transmittance at points (world mm).
     ///
     /// # Errors
     /// Any error that `query` returns.
@@ -286,12 +292,12 @@ impl RayTest<'_> {
 /// Light ray through a shadow map texel, parameterized by the map's depth in mm.
 #[derive(Clone, Copy)]
 struct LightRay {
-    /// World point on the light ray at depth 0, mm.
+    /// World position of depth 0 on the light ray through a shadow map texel, mm.
     origin: DVec3,
-    /// Unit direction of the light ray, away from the light.
+    /// Unit direction of the light ray, pointing away from the light.
     direction: DVec3,
-    /// Depth where the exact integration starts, mm: the point light, or a depth before the volume for a directional
-    /// light.
+    /// Depth on the light ray where the exact integration of extinction starts, mm: at the point light, or before the
+    /// volume for a directional light.
     start_mm: f64,
 }
 
@@ -311,11 +317,11 @@ impl LightRay {
     }
 }
 
-/// Distance in front of the shadow map at which exact rays of directional lights start, mm. It exceeds the extent of
-/// any volume.
+/// Distance in front of the shadow map at which the exact integration along rays of directional lights starts, mm. It
+/// exceeds the extent of any volume.
 const BEFORE_ANYTHING_MM: f64 = 1e5;
 
-/// Exact transmittance curve of a light ray, by depth in the shadow map.
+/// Exact transmittance along a light ray, as a function of depth in the shadow map.
 struct ExactRay<'a> {
     curve: OpticalDepthCurve<'a>,
     start_mm: f64,
@@ -336,8 +342,8 @@ impl<'a> ExactRay<'a> {
     }
 }
 
-/// Returns the depth range to test on a light ray: from a little before its first extinction to a little behind its
-/// last, within the shadow map's range. Returns the whole range where there is no extinction.
+/// Returns the depth range in which a light ray is tested: from a little before its first extinction to a little
+/// behind its last, within the shadow map's range. Returns the whole range where there is no extinction.
 fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64) -> [f64; 2] {
     let start = curves.iter().map(|c| c.start_mm).fold(z_min, f64::max);
     let margin = MARGIN * (z_max - z_min) + 2.0 * tolerance_mm;
@@ -349,7 +355,7 @@ fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64
     }
 }
 
-/// Returns the offsets of a texel's pre-filter rays from its centre, in texels.
+/// Returns the offsets from a shadow map texel's centre to the light rays that its pre-filter averages, in texels.
 fn tap_offsets(taps: Taps) -> Vec<DVec2> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);

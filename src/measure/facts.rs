@@ -1,5 +1,5 @@
-//! Hardware, driver and program version of a measurement, stated in every table row, and the keys that identify
-//! recorded rows.
+//! Hardware, driver and program version of a measurement, as every comparison table row states them, and keys that
+//! identify measurements recorded in the journal file.
 
 use super::defaults::settings;
 use super::job::{Effort, Job};
@@ -21,7 +21,7 @@ pub struct Facts {
     pub adapter: String,
     /// Driver of the graphics adapter, with its version.
     pub driver: String,
-    /// Number of threads for parallel work on the host.
+    /// Number of CPU threads that the program uses for parallel work.
     pub threads: u32,
     /// Build profile of this program: `release` or `debug`.
     pub profile: &'static str,
@@ -44,7 +44,7 @@ impl Facts {
         }
     }
 
-    /// Creates a comparison table row for a method, without measured values.
+    /// Creates a comparison table row for a shadow method, without measured values.
     pub fn row(&self, scene_name: &str, [width, height]: [u32; 2], method: &dyn Method) -> Row {
         Row {
             scene: scene_name.into(),
@@ -66,8 +66,8 @@ impl Facts {
     }
 }
 
-/// Returns a hash of everything that determines the rows of a measuring job: machine, program, voxels, transfer
-/// function, scene and effort. The number of repeats is excluded, since timed rounds are counted.
+/// Returns a hash of everything that determines the measured table rows: machine, program, voxels, transfer function,
+/// scene, and numbers of points, rays and depths. The number of timed repeats is excluded.
 pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     let mut hasher = DefaultHasher::new();
     facts.hash(&mut hasher);
@@ -82,7 +82,8 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     hasher.finish()
 }
 
-/// Returns the key of a recorded table row in the journal. `slug` distinguishes a method that is listed twice.
+/// Returns the key that identifies a comparison table row in the journal file of measurements. `slug` distinguishes a
+/// shadow method that is listed twice.
 pub(super) fn row_key(job_key: u64, method: &dyn Method, slug: &str) -> String {
     let mut hasher = DefaultHasher::new();
     (job_key, slug, method.spec()).hash(&mut hasher);

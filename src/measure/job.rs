@@ -1,4 +1,5 @@
-//! Measuring jobs: the volume, transfer function, scene and measuring effort for a comparison of shadow methods.
+//! Measuring jobs: volume, transfer function and scene for a comparison of shadow methods, and numbers of repeats,
+//! points and rays.
 
 use super::timing::StageTimes;
 use crate::error::Result;
@@ -13,35 +14,35 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Frame time above which a method is timed only once, ms, so that one slow method does not delay the whole
+/// Frame time above which a shadow method is timed only once, ms. One slow method thus does not delay the whole
 /// comparison.
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
-/// Measuring effort: numbers of timed repeats, visible points, light rays and depths.
+/// Extent of a measurement: numbers of timed repeats, visible points, light rays and depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Effort {
-    /// Number of timed runs of each method, after warm-up.
+    /// Number of timed runs of each shadow method, after warm-up.
     pub repeats: usize,
-    /// Number of visible points at which transmittance errors are measured.
+    /// Number of points visible to the camera at which transmittance errors are measured.
     pub points: usize,
-    /// Number of light rays along which the error bound is tested.
+    /// Number of light rays along which each shadow method's error bound is tested.
     pub rays: usize,
-    /// Number of depths tested on each light ray.
+    /// Number of depths on each light ray at which a shadow method's transmittance is tested.
     pub depths: usize,
-    /// Tests the light rays of all shadow map texels, instead of `rays` of them, and also the depths of all curve
-    /// nodes.
+    /// Whether transmittance is tested on the light rays of all shadow map texels, and at the depths of all their
+    /// curve nodes, instead of on `rays` rays.
     pub check_all: bool,
 }
 
 impl Effort {
     /// Valid range of `repeats`, the number of timed runs of each method.
     pub const REPEATS: RangeInclusive<i64> = 1..=1000;
-    /// Valid range of `points`, the number of visible points for transmittance errors.
+    /// Valid range of `points`, the number of visible points at which transmittance errors are measured.
     pub const POINTS: RangeInclusive<i64> = 1..=10_000_000;
-    /// Valid range of `rays`, the number of tested light rays.
+    /// Valid range of `rays`, the number of light rays along which transmittance is tested.
     pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
-    /// Valid range of `depths`, the number of depths tested on each light ray.
+    /// Valid range of `depths`, the number of depths on each light ray at which transmittance is tested.
     pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
 }
 
@@ -51,31 +52,32 @@ impl Default for Effort {
     }
 }
 
-/// Measuring job: the volume, transfer function and scene on which shadow methods are measured, and the measuring
-/// effort.
+/// Measuring job: volume, transfer function and scene on which shadow methods are measured, and numbers of repeats,
+/// points, rays and depths.
 pub struct Job<'a> {
-    /// Rendering session with the volume and the transfer function on the device.
+    /// Rendering session that keeps the volume and the transfer function on the graphics device.
     pub session: &'a Session,
-    /// Volume that the rendering session has loaded.
+    /// Volume on which shadow methods are measured; the rendering session has loaded it.
     pub volume: &'a Volume,
-    /// Transfer function that the rendering session uses.
+    /// Transfer function with which shadow methods are measured; the rendering session uses it.
     pub tf: &'a TransferFunction,
     /// Strands (hair or fibres) that the volume was voxelised from, if any.
     pub strands: Option<&'a Strands>,
-    /// Scene to measure: camera, lights and picture size.
+    /// Scene on which shadow methods are measured: camera, lights and picture size.
     pub scene: &'a Scene,
-    /// Name of the scene, which becomes the table column `scene`.
+    /// Name of the scene on which shadow methods are measured, for the comparison table column `scene`.
     pub scene_name: String,
-    /// Prefix of the names of files for this scene. Empty where the comparison has only one scene.
+    /// Scene name that starts the file names of this scene's pictures. Empty where the comparison has only one scene.
     pub file_prefix: String,
-    /// Remark on the timing conditions, added to the notes of table rows and of the table. May be empty.
+    /// Remark on conditions that affect the measured times, added to the notes of the comparison table and its rows.
+    /// May be empty.
     pub remark: String,
-    /// Measuring effort: numbers of timed repeats, visible points, light rays and depths.
+    /// Extent of the measurement: numbers of timed repeats, visible points, light rays and depths.
     pub effort: Effort,
 }
 
 impl<'a> Job<'a> {
-    /// Creates a measuring job for a volume without strands, without a file prefix or remark.
+    /// Creates a measuring job for a volume without strands, with an empty file name prefix and an empty remark.
     pub fn new(
         session: &'a Session,
         (volume, tf): (&'a Volume, &'a TransferFunction),
@@ -88,7 +90,7 @@ impl<'a> Job<'a> {
         Self { session, volume, tf, strands: None, scene, scene_name, file_prefix, remark, effort }
     }
 
-    /// Returns the directions of the strands, if the shading of the scene uses them.
+    /// Returns the directions of the strands (hair or fibres), if the shading of the scene uses them.
     ///
     /// # Errors
     /// The host is out of memory.
@@ -97,7 +99,7 @@ impl<'a> Job<'a> {
         strands.map(|strands| strands.directions()).transpose()
     }
 
-    /// Builds a method's shadow maps and renders one picture, and returns the times.
+    /// Builds the shadow maps of a shadow method, renders one picture with them, and returns the times of both.
     pub fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
         let start = Instant::now();
         let shadows = self.session.shadows_of(method, self.scene)?;
@@ -109,7 +111,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Returns the name of a method with its settings, as tables show it.
+/// Returns the name of a shadow method with its settings, as tables show it.
 pub fn name_of(method: &dyn Method) -> String {
     [method.name(), &method.params()].join(" ").trim_end().to_string()
 }

@@ -1,5 +1,5 @@
-//! Journal of a comparison (`compare.rows.jsonl`): records every measurement on disk at once, so that an interrupted
-//! comparison can resume.
+//! Journal of a comparison of shadow methods (`compare.rows.jsonl`): records every measurement on disk at once; an
+//! interrupted comparison can then resume.
 //!
 //! A line of the journal is one of three: a row with its errors (written after its picture), a timed round of a row,
 //! or a trial of a search within a budget. Lines are only appended, each complete and in one write. An incomplete
@@ -18,26 +18,26 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// File name of the journal of measurements, in the output folder of the comparison.
+/// Name of the file that records finished measurements, in the output folder of the comparison of shadow methods.
 pub const JOURNAL: &str = "compare.rows.jsonl";
 
-/// Errors and memory of one shadow method, measured before its timed rounds.
+/// Errors and memory of one shadow method, determined before its timed rounds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// Comparison table row of the method, without times.
+    /// Comparison table row of the shadow method, without measured times.
     #[serde(rename = "cells", with = "row_as_texts")]
     pub row: Row,
-    /// Unique part of the names of the row's files, such as its picture.
+    /// Unique text in the names of this table row's files, such as its picture.
     pub slug: String,
-    /// Rendering work that the renderer skipped because the scene does not need it.
+    /// Kinds of rendering work, such as gradients, that the renderer skipped because the scene does not need them.
     pub left_out: Vec<Omission>,
     /// Notes on the measurement for the reader of the comparison table.
     pub notes: Vec<String>,
-    /// Time of the method's first picture, ms. It decides whether the method is timed only once.
+    /// Time to render the method's first picture, ms. A method with a slow first picture is timed only once.
     pub frame_ms: f64,
 }
 
-/// Serializes table rows as a map from column names to CSV texts, because JSON cannot represent infinity.
+/// Serializes comparison table rows as a map from column names to CSV texts, because JSON cannot represent infinity.
 mod row_as_texts {
     use super::{BTreeMap, Deserialize, Row, Serialize};
     use serde::{Deserializer, Serializer, de::Error};
@@ -52,14 +52,15 @@ mod row_as_texts {
     }
 }
 
-/// Table row that an earlier run recorded in the journal, with its timed rounds so far.
+/// Comparison table row that an earlier program run recorded in the journal file, with its picture and timed rounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recorded {
-    /// Recorded table row, without times.
+    /// Comparison table row from the journal file, without measured times.
     pub measured: Measured,
-    /// Recorded picture of the row's method: `height x width x 4`, linear RGBA.
+    /// Picture of the table row's shadow method from the journal: `height x width x 4`, linear RGBA.
     pub picture: Array3<f32>,
-    /// Timed rounds of a method, each with the number of the program run that measured it.
+    /// Measured times of the shadow method, one entry per timed round, each with the index of the program run that
+    /// measured it.
     pub rounds: Vec<(u32, StageTimes)>,
 }
 
@@ -68,7 +69,7 @@ pub struct Recorded {
 enum Line {
     Row {
         key: String,
-        /// Hash of the row's picture, to detect a different picture with the same file name.
+        /// Hash of the picture of this table row. It reveals whether the picture file was replaced.
         picture: String,
         #[serde(flatten)]
         measured: Measured,
@@ -85,29 +86,30 @@ enum Line {
     },
 }
 
-/// Journal of measurements: the rows that earlier runs recorded, by key, and the file for new ones.
+/// Journal of measurements: the table rows that earlier program runs recorded, and the file for new ones.
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
-    /// Metadata for the picture files, as pairs of key and text.
+    /// Metadata to write into picture files, as pairs of key and text.
     about: Vec<(String, String)>,
-    /// Number of table rows that this run recorded in the journal or reused from it.
+    /// Number of comparison table rows that this program run wrote to the journal file or reused from it.
     recorded: usize,
-    /// Number of this program run in the journal; the first one is 1.
+    /// Index of this program run among those that wrote to the journal file, from 1.
     run: u32,
-    /// Measured table rows by key, each with the hash of its picture.
+    /// Comparison table rows from the journal file by key, each with the hash of its picture.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
     trials: HashMap<String, Row>,
 }
 
 impl Journal {
-    /// Creates a journal that records nothing.
+    /// Creates a journal of measurements that writes nothing to disk.
     pub fn nowhere() -> Self {
         Self::default()
     }
 
-    /// Opens the journal in an existing folder, either to resume from it or to discard its contents and start anew.
+    /// Opens the journal file of measurements in an existing folder, either to resume the comparison or to discard
+    /// its results and start anew.
     ///
     /// # Errors
     /// The journal file cannot be read or written, another run is writing to it, or it has an invalid line.
@@ -149,22 +151,24 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Number of table rows from earlier runs that are not yet reused, over all scenes and settings.
+    /// Number of comparison table rows from earlier program runs that were not reused yet, over all scenes and
+    /// settings.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Number of table rows in the journal, measured by this run or by earlier ones.
+    /// Number of comparison table rows in the journal file, measured by this program run or by earlier ones.
     pub fn recorded(&self) -> usize {
         self.recorded + self.rows.len()
     }
 
-    /// Sets the metadata of pictures recorded from now on, as pairs of key and text. The method is added to it.
+    /// Sets the metadata, as pairs of key and text, for the picture files written from now on. Each picture also
+    /// states its shadow method.
     pub fn describe(&mut self, about: Vec<(String, String)>) {
         self.about = about;
     }
 
-    /// Whether no table rows from earlier runs are left to reuse.
+    /// Whether the journal file has no comparison table rows from earlier program runs left to reuse.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -187,8 +191,8 @@ impl Journal {
         Ok(())
     }
 
-    /// Removes and returns the recorded table row with a key. Returns `None` if no earlier run measured it, or if its
-    /// pictures are missing or changed.
+    /// Returns the table row that an earlier program run recorded under a key, and removes it from the rows left to
+    /// reuse. Returns `None` if there is none, or if its pictures are missing or changed.
     pub fn take(&mut self, key: &str) -> Option<Recorded> {
         let (measured, expected) = self.rows.remove(key)?;
         let [png, exr] = self.pictures(&measured.slug)?;
@@ -199,7 +203,7 @@ impl Journal {
         recorded.then_some(Recorded { measured, picture, rounds })
     }
 
-    /// Writes the pictures of a table row to disk, and then records the row in the journal.
+    /// Writes the pictures of a comparison table row to disk, then records the row in the journal file.
     ///
     /// # Errors
     /// A picture file or the journal file cannot be written.
@@ -216,7 +220,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Records the times of one round for several table rows, given by key.
+    /// Records the measured times of one round for several comparison table rows, given by key.
     ///
     /// # Errors
     /// The journal file cannot be written.
@@ -226,12 +230,13 @@ impl Journal {
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
     }
 
-    /// Returns the recorded trial of a settings search by its key; `None` if no earlier run made it.
+    /// Returns the trial of method settings that an earlier program run recorded under a key; `None` if there is
+    /// none.
     pub fn trial(&self, key: &str) -> Option<Row> {
         self.trials.get(key).cloned()
     }
 
-    /// Records a trial of a settings search in the journal.
+    /// Records a measured trial of method settings in the journal file.
     ///
     /// # Errors
     /// The journal file cannot be written.
@@ -239,12 +244,12 @@ impl Journal {
         self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
     }
 
-    /// Number of this program run in the journal; the first one is 1.
+    /// Index of this program run among those that wrote to the journal file, from 1.
     pub fn run(&self) -> u32 {
         self.run
     }
 
-    /// Returns the paths of a row's picture as PNG and as EXR, which is lossless.
+    /// Returns the paths of a table row's picture as a PNG file and as a lossless EXR file.
     fn pictures(&self, slug: &str) -> Option<[PathBuf; 2]> {
         let (folder, _) = self.place.as_ref()?;
         Some(["png", "exr"].map(|e| folder.join(format!("picture_{slug}.{e}"))))
@@ -264,8 +269,8 @@ impl Journal {
     }
 }
 
-/// Deletes the pictures of a journal that is started anew. For rows that a settings search chose, only the journal
-/// may name their files.
+/// Deletes the pictures that the journal file names, because the comparison starts anew. Pictures of settings chosen
+/// by a search may be named nowhere else.
 fn remove_pictures(journal: &mut File, folder: &Path) {
     let mut bytes = Vec::new();
     // Files that cannot be read or removed stay. A row with the same name overwrites them later.
@@ -283,7 +288,7 @@ fn remove_pictures(journal: &mut File, folder: &Path) {
     }
 }
 
-/// Returns a hash of a picture's shape and values.
+/// Returns a hash of a picture's size and pixel values.
 fn fingerprint(picture: &Array3<f32>) -> String {
     let mut hasher = DefaultHasher::new();
     picture.dim().hash(&mut hasher);
@@ -318,7 +323,7 @@ mod tests {
         }
     }
 
-    /// Writes a test journal with two rows, one of them with a timed round.
+    /// Writes a test journal with two comparison table rows, one of them with a timed round.
     fn written(folder: &Path) {
         let mut journal = Journal::open(folder, false).unwrap();
         journal.record("k1", &measured(1), &picture()).unwrap();

@@ -9,9 +9,9 @@ use crate::scene::Light;
 use glam::DVec3;
 use serde::Serialize;
 
-/// Number of evenly spaced depths along a light ray through the volume.
+/// Number of evenly spaced depths at which transmittance is plotted along a light ray through the volume.
 const UNIFORM_DEPTHS: usize = 801;
-/// Offsets of further sample depths around each jump of the extinction, in units of the smallest voxel spacing.
+/// Distances of additional plotted depths from each jump of the extinction, in units of the smallest voxel spacing.
 const JUMP_OFFSETS: [f64; 9] = [-0.5, -0.1, -0.02, -1e-6, 0.0, 1e-6, 0.02, 0.1, 0.5];
 
 /// Segment of a light ray inside the volume, with the exact transmittance along it.
@@ -19,21 +19,21 @@ const JUMP_OFFSETS: [f64; 9] = [-0.5, -0.1, -0.02, -1e-6, 0.0, 1e-6, 0.02, 0.1, 
 /// Depth 0 is where the ray enters the volume, or the light itself if it lies inside the volume.
 #[derive(Debug, Clone, Serialize)]
 pub struct LightCurve {
-    /// Point that the light ray passes through, world mm.
+    /// Given world point that the light ray passes through, mm.
     pub point_mm: DVec3,
-    /// Depth of `point_mm` along the light ray, mm. Negative or greater than `length_mm` where the point lies outside
-    /// the volume.
+    /// Depth of the given point `point_mm` along the light ray, mm. Negative or greater than `length_mm` where the
+    /// point lies outside the volume.
     pub point_depth_mm: f64,
     /// World point on the light ray at depth 0, mm.
     pub origin_mm: DVec3,
-    /// Unit direction of the light ray, away from the light.
+    /// Unit direction of the light ray, pointing away from the light.
     pub direction: DVec3,
     /// Depth at which the light ray leaves the volume, mm.
     pub length_mm: f64,
     /// Sample depths along the light ray, mm, strictly ascending. Evenly spaced, and denser around jumps of the exact
     /// transmittance curve.
     pub depth_mm: Vec<f64>,
-    /// Exact transmittance from the light to each sample depth.
+    /// Exact transmittance from the light to each sample depth on the light ray.
     pub exact: Vec<f64>,
 }
 
@@ -44,7 +44,7 @@ pub struct MethodCurve {
     pub method: String,
     /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// Texels per side of the shadow map; `None` where the method has no map.
+    /// Number of texels per side of the shadow map; `None` where the shadow method has no map.
     pub map: Option<u32>,
     /// Transmittance by the shadow method at each sample depth of the light ray.
     pub transmittance: Vec<f32>,
@@ -53,11 +53,11 @@ pub struct MethodCurve {
 /// Largest deviation of a shadow method from the exact transmittance curve along a light ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Farthest {
-    /// Depth along the light ray at the largest deviation, mm.
+    /// Depth along the light ray at which a method's transmittance deviates most from the exact one, mm.
     pub depth_mm: f64,
-    /// Transmittance by the shadow method at the depth of the largest deviation.
+    /// Transmittance by the shadow method at the depth of its largest deviation from the exact curve.
     pub t_method: f64,
-    /// Exact transmittance at the depth of the largest deviation.
+    /// Exact transmittance at the depth where the shadow method deviates most.
     pub t_exact: f64,
 }
 
@@ -102,18 +102,18 @@ impl LightCurve {
         Ok(Self { point_mm, point_depth_mm, origin_mm, direction, length_mm, depth_mm, exact })
     }
 
-    /// Returns the world point at a depth along the light ray, mm.
+    /// Returns the world position at a given depth along the light ray, mm.
     pub fn at(&self, depth_mm: f64) -> DVec3 {
         self.origin_mm + depth_mm * self.direction
     }
 
-    /// Returns the world points of all sample depths along the light ray, mm.
+    /// Returns the world positions of all sample depths along the light ray, mm.
     pub fn points_mm(&self) -> Vec<DVec3> {
         self.depth_mm.iter().map(|&z| self.at(z)).collect()
     }
 
-    /// Returns the largest deviation between a method's curve and the exact transmittance curve, at the first depth
-    /// where it occurs. NaN counts as the largest.
+    /// Returns the largest deviation between a shadow method's transmittance and the exact one along the light ray,
+    /// at the first depth where it occurs. NaN counts as the largest.
     pub fn farthest(&self, of: &MethodCurve) -> Option<Farthest> {
         let far = |f: &Farthest| {
             let e = (f.t_method - f.t_exact).abs();
@@ -124,8 +124,8 @@ impl LightCurve {
             .reduce(|best, next| if far(&next) > far(&best) { next } else { best })
     }
 
-    /// Writes the transmittance curves as CSV with the columns `depth_mm, x_mm, y_mm, z_mm, exact` and one per
-    /// method. Numbers have the fewest digits that parse to the same value.
+    /// Writes the transmittance curves of a light ray as CSV with the columns `depth_mm, x_mm, y_mm, z_mm, exact` and
+    /// one per shadow method. Numbers have the fewest digits that parse to the same value.
     ///
     /// # Errors
     /// The CSV writer fails, which does not happen in memory.
@@ -146,7 +146,8 @@ impl LightCurve {
 }
 
 impl MethodCurve {
-    /// Returns the method's name with its settings, and the shadow map size where it differs among `all` curves.
+    /// Returns the label of a transmittance curve: the shadow method with its settings, and the shadow map size if it
+    /// differs among the curves.
     pub fn name(&self, all: &[Self]) -> String {
         let mut name = [self.method.as_str(), &self.params].join(" ").trim_end().to_string();
         let mut sizes = all.iter().filter_map(|m| m.map);
@@ -159,8 +160,8 @@ impl MethodCurve {
     }
 }
 
-/// Returns sample depths from 0 to `length_mm`: evenly spaced ones, some around every jump, and `also` if it lies in
-/// this range.
+/// Returns sample depths on a light ray from 0 to `length_mm`: evenly spaced ones, some around every jump of
+/// extinction, and the depth `also` if it lies in this range.
 fn depths(length_mm: f64, jumps_mm: &[f64], also: f64, spacing_mm: f64) -> Vec<f64> {
     let last = (UNIFORM_DEPTHS - 1) as f64;
     let even = (0..UNIFORM_DEPTHS).map(|i| length_mm * (i as f64 / last));

@@ -1,10 +1,10 @@
-//! Pareto front of the comparison table: methods that no other method beats in both speed and error.
+//! Pareto front of the comparison table: shadow methods that no other method beats in both speed and error.
 
 use super::table::Row;
 
-/// Fills the table column `pareto`. A row is on the Pareto front unless another row is both faster (greater
-/// `fps_moving`) and more accurate (smaller `point_err_rms`). Only rows of the same scene, adapter and picture size
-/// compete.
+/// Fills the column `pareto` of the comparison table. A row is on the Pareto front unless another row is both faster
+/// (greater `fps_moving`) and more accurate (smaller `point_err_rms`). Only rows of the same scene, adapter and
+/// picture size compete.
 ///
 /// Both comparisons are strict: a tie in speed or in error removes no row from the front. Rows that lack one of the
 /// two values, or hold NaN, get an empty cell and remove no other row.

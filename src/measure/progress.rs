@@ -5,59 +5,61 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// Kind of work in a step of a measurement.
+/// Kind of step in a measurement, such as computing the exact picture, measuring errors, or one timed run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum StepKind {
-    /// Computation of the exact transmittance at visible points.
+    /// Step of a measurement that computes the exact transmittance at points visible to the camera.
     Points,
-    /// Computation of the exact picture that rendered pictures are compared with.
+    /// Step of a measurement that computes the exact reference picture.
     ExactPicture,
-    /// First build of a method's shadow map and first picture with it.
+    /// Step of a measurement that builds a method's shadow map for the first time and renders a first picture with
+    /// it.
     Draw,
-    /// Measurement of a shadow method's errors.
+    /// Step of a measurement that determines a shadow method's errors.
     Errors,
-    /// One timed run or warm-up run of a shadow method.
+    /// Step of a measurement that is one timed run or warm-up run of a shadow method.
     Run,
-    /// Ablation study of one method: each renderer optimization is disabled in turn.
+    /// Step of a measurement for the ablation study of one shadow method, in which each renderer optimization is
+    /// disabled in turn.
     Ablation,
-    /// One trial of method settings in a search within a budget.
+    /// Step of a measurement that tries one choice of method settings, in a search within a memory or time budget.
     Trial,
 }
 
-/// Step of a measurement. The estimate of the remaining time assumes that steps of one kind and method take equally
-/// long in all scenes.
+/// Step of a measurement: its kind and its shadow method. The estimate of the remaining time assumes that equal steps
+/// take equally long in all scenes.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
-    /// Kind of work in this step of the measurement.
+    /// Kind of this step of the measurement, such as measuring errors or one timed run.
     pub kind: StepKind,
-    /// Name and settings of the shadow method. Empty where the step applies to all methods.
+    /// Name and settings of the shadow method that this step measures. Empty where the step applies to all methods.
     pub method: String,
 }
 
 impl Step {
-    /// Creates a measurement step for one method, or for all methods if `method` is empty.
+    /// Creates a step of a measurement for one shadow method, or for all methods if `method` is empty.
     pub fn new(kind: StepKind, method: &str) -> Self {
         Self { kind, method: method.into() }
     }
 }
 
-/// Progress of a measurement, as a progress bar shows it.
+/// State of a running measurement for a progress bar: current step, completed and total steps, and remaining time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status<'a> {
     /// Step of the measurement that is running now.
     pub step: &'a Step,
-    /// Description of the measurement's current work, for the user.
+    /// Description of the current step of the measurement, for display to the user.
     pub what: &'a str,
-    /// Number of measurement steps completed.
+    /// Number of completed steps of the measurement.
     pub done: usize,
-    /// Total number of measurement steps, including those not started.
+    /// Total number of steps of the measurement, including those not started.
     pub total: usize,
     /// Estimated remaining time of the measurement, s; `None` where unknown.
     pub left_s: Option<f64>,
 }
 
 impl Status<'_> {
-    /// Completed fraction of the measurement steps, from 0 to 1.
+    /// Fraction of the measurement's steps that are completed, from 0 to 1.
     pub fn share(&self) -> f32 {
         self.done as f32 / self.total.max(1) as f32
     }
@@ -68,17 +70,17 @@ pub trait Watch {
     /// Called when a step of the measurement starts.
     fn starts(&mut self, _status: &Status) {}
 
-    /// Called when a comparison table row has new values: its errors, or times of one more round. `_place` is the
-    /// row's index, from 0. The column `pareto` is filled only in the finished table.
+    /// Receives a comparison table row that has new errors or times of one more round. `_place` is the row's index,
+    /// from 0. The column `pareto` is filled only in the finished table.
     fn row(&mut self, _place: usize, _row: &Row) {}
 
-    /// Called between measurement steps. Returning `false` cancels the measurement.
+    /// Called between steps of the measurement. If it returns `false`, the measurement is cancelled.
     fn goes_on(&self) -> bool {
         true
     }
 }
 
-/// Observer of a measurement that only receives the status of each step.
+/// Observer of a measurement that only receives the progress at the start of each step.
 struct Look<F>(F);
 
 impl<F: FnMut(&Status)> Watch for Look<F> {
@@ -94,41 +96,41 @@ pub struct Progress<'a> {
     took: HashMap<Step, (usize, f64)>,
     now: Option<(Step, Instant)>,
     done: usize,
-    /// Number of comparison table rows of earlier scenes.
+    /// Number of comparison table rows of the scenes that are already measured.
     rows_before: usize,
     watch: Box<dyn Watch + 'a>,
 }
 
 impl<'a> Progress<'a> {
-    /// Creates the progress of a measurement. `show` is called whenever a step starts.
+    /// Creates the progress record of a measurement. `show` is called whenever a step of the measurement starts.
     pub fn new(show: impl FnMut(&Status) + 'a) -> Self {
         Self::watched(Look(show))
     }
 
-    /// Creates the progress of a measurement with an observer, which can cancel it.
+    /// Creates the progress record of a measurement with an observer. The observer can cancel the measurement.
     pub fn watched(watch: impl Watch + 'a) -> Self {
         let (left, took) = (HashMap::new(), HashMap::new());
         Self { left, took, now: None, done: 0, rows_before: 0, watch: Box::new(watch) }
     }
 
-    /// Creates the progress of a measurement without an observer.
+    /// Creates the progress record of a measurement without an observer.
     pub fn unseen() -> Self {
         Self::new(|_| {})
     }
 
-    /// Adds `times` runs of a step to the remaining steps of the measurement.
+    /// Adds a step to the remaining steps of the measurement, to be run `times` times.
     pub fn expect(&mut self, step: Step, times: usize) {
         *self.left.entry(step).or_default() += times;
     }
 
-    /// Removes up to `times` runs of a step that turned out not to be needed from the remaining steps.
+    /// Removes up to `times` runs of a step from the remaining steps of the measurement, because they are not needed.
     pub fn spare(&mut self, step: &Step, times: usize) {
         if let Some(left) = self.left.get_mut(step) {
             *left = left.saturating_sub(times);
         }
     }
 
-    /// Ends the previous measurement step and starts a new one; `what` describes it to the user.
+    /// Ends the previous step of the measurement and starts a new one; `what` describes the new step to the user.
     ///
     /// # Errors
     /// The observer cancelled the measurement ([`Error::cancelled`]).
@@ -144,7 +146,7 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
-    /// Checks within a measurement step whether the observer cancelled the measurement.
+    /// Returns an error if the observer has cancelled the measurement; for use within a step.
     ///
     /// # Errors
     /// The observer cancelled the measurement ([`Error::cancelled`]).
@@ -152,8 +154,8 @@ impl<'a> Progress<'a> {
         if self.watch.goes_on() { Ok(()) } else { Err(Error::cancelled(what)) }
     }
 
-    /// Reports new values of a comparison table row to the observer. `place` is the row's index within the current
-    /// scene.
+    /// Reports new values of a comparison table row to the observer of the measurement. `place` is the row's index
+    /// within the current scene.
     pub fn row(&mut self, place: usize, row: &Row) {
         self.watch.row(self.rows_before + place, row);
     }
@@ -178,8 +180,8 @@ impl<'a> Progress<'a> {
         self.done += 1;
     }
 
-    /// Estimates the remaining time of the measurement, s; `None` before any step is complete. Each step counts with
-    /// the mean duration of similar steps: the same kind and method, then (for timed runs) the method's first
+    /// Estimates the remaining time of the measurement, s; `None` before any step is complete. The estimate for a
+    /// step is the mean duration of similar steps: the same kind and method, then (for timed runs) the method's first
     /// picture, then the same kind, then all.
     pub fn left_s(&self) -> Option<f64> {
         let mean = |like: &dyn Fn(&Step) -> bool| {

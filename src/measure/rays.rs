@@ -1,11 +1,11 @@
-//! Choice of the shadow map texels whose light rays are tested, spread evenly over rays that meet extinction and over
-//! the edges of that region.
+//! Choice of the shadow map texels whose light rays are tested, spread evenly over the region with extinction and
+//! over the edges of that region.
 
-/// Largest fraction of the tested light rays that lie at the edges of the region with extinction.
+/// Largest fraction of the tested shadow map texels that lie at the edges of the region with extinction.
 const EDGE_SHARE: f64 = 0.25;
 
-/// Hashes an integer with the finaliser of `splitmix64`. It replaces random numbers in measurements, so that every
-/// run tests the same places.
+/// Hashes an integer with the finaliser of `splitmix64`. Hashes replace random numbers in measurements; every run
+/// thus tests the same texels and depths.
 pub(super) fn mix(seed: u64) -> u64 {
     let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -71,7 +71,7 @@ enum Class {
     Empty,
 }
 
-/// Picks one element from each of `count` equal intervals of a list with at least `count` elements.
+/// Picks one element from each of `count` equal intervals of a list that has at least `count` elements.
 fn spread(line: &[u64], count: usize) -> Vec<u64> {
     (0..count)
         .map(|i| {

@@ -1,5 +1,5 @@
-//! Reference data for one scene (exact picture and exact transmittance), and the measurement of each method's errors
-//! against it.
+//! Reference data of one scene (exact picture and exact transmittance), and the measurement of each shadow method's
+//! errors against them.
 
 use super::bound_check::BoundReport;
 use super::budget::Budget;
@@ -23,47 +23,51 @@ use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Approximate number of pixels in the exact reference picture. Its own error is estimated at `EXACT_PIXELS_CHECKED`
-/// of them.
+/// Approximate number of pixels in the exact reference picture. The error of this picture is estimated at
+/// `EXACT_PIXELS_CHECKED` of them.
 const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
-/// Depth tolerance for placing test depths of methods without an error bound, in units of the smallest voxel spacing.
+/// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
+/// units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Number of timed runs in a trial of method settings. The slower run counts, so that chosen settings stay within the
-/// budget when timed again.
+/// Number of timed runs in a trial of method settings. The slower run counts, to keep chosen settings within the time
+/// budget when they are timed again.
 const TRIAL_RUNS: usize = 2;
-/// Number of repetitions when the classification of bricks and the transfer function's tables are timed.
+/// Number of timed repetitions of two tasks: classifying the volume's bricks and computing the transfer function's
+/// tables.
 const TRANSFER_REPEATS: usize = 3;
 
-/// Exact reference picture of a scene at a reduced size.
+/// Exact reference picture of a scene at a reduced size, with an estimate of its own error.
 struct ExactPicture {
     scene: Scene,
     pixels: Array3<f32>,
-    /// Largest estimated error of the exact picture itself, in any channel.
+    /// Largest estimated error of the exact reference picture itself, in any colour channel.
     error: f64,
 }
 
-/// Reference data of one scene, computed once, against which the errors of all methods are measured.
+/// Reference data of one scene (exact picture and exact transmittance), computed once, against which the errors of
+/// all shadow methods are measured.
 pub(super) struct Reference<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
     field: &'a ExactField<'a>,
     visible: VisiblePointsByLight,
     exact_picture: ExactPicture,
-    /// Transmittance through the strands themselves, if the volume was voxelised from strands.
+    /// Transmittance from the light through the strands as cylinders, if the volume was voxelised from strands.
     strands: Option<StrandReference>,
-    /// Cache of tested shadow map texels, for maps with the same light space.
+    /// Shadow map texels chosen for tests of their light rays, kept for all shadow maps with the same size and
+    /// projection of the light.
     texels: Vec<(LightSpace, Vec<[u32; 2]>)>,
     bricks_ms: Option<f64>,
     tables_ms: Option<f64>,
-    /// Time to compute the pre-compressed transfer function table for marching light rays, ms. Only some methods need
-    /// it.
+    /// Time to compute the table of transfer function breakpoints for marching light rays (Hadwiger et al. 2006,
+    /// 3.2), ms. Only some shadow methods need this table.
     march_table_ms: Option<f64>,
-    /// Notes about the scene, which apply to every method's row.
+    /// Notes about the scene, to be added to the measurement of every shadow method.
     notes: Vec<String>,
 }
 
-/// Reference data of one scene, computed only when first needed.
+/// Reference data of one scene (exact picture and exact transmittance), computed only when first needed.
 pub(super) struct Shared<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
@@ -76,14 +80,15 @@ impl<'a> Shared<'a> {
         Self { job, facts, field, made: None }
     }
 
-    /// Returns the reference data of the scene, computed at the first call.
+    /// Returns the reference data of the scene (exact picture and exact transmittance), which the first call
+    /// computes.
     pub fn get(&mut self, progress: &mut Progress) -> Result<&mut Reference<'a>> {
         let (job, facts, field) = (self.job, self.facts, self.field);
         let made = self.made.get_or_insert_with(|| Reference::new(job, facts, field, progress));
         made.as_mut().map_err(|e| e.clone())
     }
 
-    /// Whether the reference data of the scene was needed and thus computed.
+    /// Whether the reference data of the scene (exact picture and exact transmittance) have been computed.
     pub fn is_made(&self) -> bool {
         self.made.is_some()
     }
@@ -145,9 +150,9 @@ impl<'a> Reference<'a> {
         })
     }
 
-    /// Builds a method's shadow maps and renders once, which also warms up the pipelines. Then measures the method's
-    /// errors.
-    // Long, because each stage of the measurement reads the results of the stages before.
+    /// Builds a method's shadow maps and renders a picture, which also warms up the graphics pipelines. Then measures
+    /// the method's errors.
+    // Long: each stage of the measurement reads the results of the stages before.
     pub fn measure(
         &mut self,
         method: &dyn Method,
@@ -247,13 +252,13 @@ impl<'a> Reference<'a> {
         Ok((measured, picture.pixels))
     }
 
-    /// Creates a comparison table row for a method, without measured values.
+    /// Creates a comparison table row for a shadow method, without measured values.
     pub fn row(&self, method: &dyn Method) -> Row {
         self.facts.row(&self.job.scene_name, [self.job.scene.width, self.job.scene.height], method)
     }
 
-    /// Measures a trial of method settings: memory, times where a time budget is given, and errors where the settings
-    /// satisfy a budget.
+    /// Measures a shadow method with tried settings: memory, times where a time budget is given, and errors where
+    /// some budget is satisfied.
     pub fn try_setting(&self, method: &dyn Method, budgets: &[Budget], trial: &mut Row) -> Result<()> {
         let job = self.job;
         let mut shadows = job.session.shadows_of(method, job.scene)?;
@@ -283,8 +288,8 @@ impl<'a> Reference<'a> {
         Ok(())
     }
 
-    /// Measures the errors along light rays in the shadow maps, one per light in order, and fills the table row.
-    /// Returns a note for each violated error bound.
+    /// Measures the transmittance errors along light rays in the shadow maps (one per light, in order), and writes
+    /// them to the comparison table row. Returns a note for each violated error bound.
     fn measure_rays(
         &mut self,
         method: &dyn Method,
@@ -303,7 +308,7 @@ impl<'a> Reference<'a> {
         Ok(notes)
     }
 
-    /// Measures the errors along `count` light rays in the shadow map of one light.
+    /// Measures the transmittance errors along `count` light rays in the shadow map of one light.
     fn measure_rays_of(
         &mut self,
         method: &dyn Method,

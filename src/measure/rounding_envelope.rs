@@ -1,5 +1,5 @@
-//! Rounding envelope: bounds on the transmittance along rays and values that float32 cannot distinguish from the
-//! exact ones (`docs/bound.md`).
+//! Rounding envelope of a light ray: bounds on its transmittance over all rays and volume values that float32 cannot
+//! distinguish from the exact ones (`docs/bound.md`).
 
 use super::test_depths::sort_distinct;
 use crate::exact::{ExactField, OpticalDepthCurve};
@@ -10,10 +10,10 @@ use std::sync::OnceLock;
 
 /// Number of neighbouring rays on each ring around a light ray, from which its rounding envelope is computed.
 const AROUND: usize = 8;
-/// Radii of the rings of neighbouring rays, as fractions of the error bound's lateral tolerance.
+/// Radii of the rings of neighbouring rays around a light ray, as fractions of the error bound's lateral tolerance.
 const RINGS: [f64; 2] = [0.5, 1.0];
-/// Number of evenly spaced depths at which the rounding envelope is computed, besides the requested depths and jumps
-/// of the curves.
+/// Number of evenly spaced depths on a light ray at which the rounding envelope is computed, besides the requested
+/// depths and the jumps of extinction.
 const REGULAR_DEPTHS: usize = 256;
 
 /// Rounding envelope of transmittance along a light ray. It contains every curve whose slope at each depth lies
@@ -22,7 +22,7 @@ const REGULAR_DEPTHS: usize = 256;
 #[derive(Debug, Clone)]
 pub struct RoundingEnvelope(Vec<Envelope>);
 
-/// Smallest and largest transmittance at each depth of a list (mm, ascending).
+/// Smallest and largest transmittance of the rounding envelope at each depth of a light ray (mm, ascending).
 #[derive(Debug, Clone)]
 struct Envelope {
     depths_mm: Vec<f64>,
@@ -30,8 +30,8 @@ struct Envelope {
 }
 
 impl RoundingEnvelope {
-    /// Computes the rounding envelope of several optical depth curves. A curve inside the envelope may switch from
-    /// one of them to another at each of `depths_mm` (ascending).
+    /// Computes the rounding envelope of several optical depth curves of one light ray. A curve inside the envelope
+    /// may switch from one of them to another at each of `depths_mm` (ascending).
     pub fn of(optical_depths: &[impl Fn(f64) -> f64], depths_mm: Vec<f64>) -> Self {
         let mut range = Vec::with_capacity(depths_mm.len());
         let mut before: Vec<f64> = vec![0.0; optical_depths.len()];
@@ -47,7 +47,8 @@ impl RoundingEnvelope {
         Self(vec![Envelope { depths_mm, range }])
     }
 
-    /// Returns the mean of several rounding envelopes.
+    /// Returns the mean of several rounding envelopes, for a pre-filtered shadow map texel that averages several
+    /// light rays.
     pub fn mean(all: Vec<Self>) -> Self {
         Self(all.into_iter().flat_map(|n| n.0).collect())
     }
@@ -74,16 +75,17 @@ impl RoundingEnvelope {
     }
 }
 
-/// Exact float64 field of a volume together with a method's error bound, for computing rounding envelopes of light
-/// rays.
+/// Exact extinction field of a volume, together with a method's error bound, for computing rounding envelopes of
+/// light rays.
 pub(super) struct NearbyRays<'a> {
     field: &'a ExactField<'a>,
     bound: Bound,
-    /// Transfer functions shifted by the value tolerance of the error bound, in both directions.
+    /// Transfer functions with their scalar values shifted up and down by the error bound's tolerance in the volume's
+    /// values.
     moved: OnceLock<[TransferFunction; 2]>,
 }
 
-/// Returns the transfer function shifted along the value axis: it maps `v` as `tf` maps `v + by`.
+/// Returns the transfer function shifted along the axis of scalar values: it maps `v` as `tf` maps `v + by`.
 fn moved(tf: &TransferFunction, by: f64) -> TransferFunction {
     tf.scale_values(|value| value - by)
 }
@@ -93,9 +95,9 @@ impl<'a> NearbyRays<'a> {
         Self { field, bound, moved: OnceLock::new() }
     }
 
-    /// Returns the rounding envelope around the light ray from `origin` (world mm, at depth `start_mm`), with values
-    /// at least at the depths `known_mm`. Returns `None` where the error bound has neither a lateral nor a value
-    /// tolerance.
+    /// Returns the rounding envelope of transmittance around the light ray from `origin` (world mm, at depth
+    /// `start_mm`), with values at least at the depths `known_mm`. Returns `None` where the error bound has neither a
+    /// lateral nor a value tolerance.
     pub fn envelope(
         &self,
         origin: DVec3,

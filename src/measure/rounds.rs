@@ -1,4 +1,4 @@
-//! Timed rounds of a comparison: each round times every shadow method once, in turn.
+//! Timed rounds of a comparison of shadow methods: each round runs and times every method once, in turn.
 
 use super::comparison::Compared;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
@@ -8,23 +8,24 @@ use super::timing::{Event, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
 use crate::shadow::Method;
 
-/// Shadow method in a comparison whose errors are measured and whose timed rounds may follow.
+/// Shadow method in a comparison, with measured errors and the times of its rounds so far.
 pub struct TimedRow<'a> {
     pub method: &'a dyn Method,
-    /// Index of the method's row in the comparison table.
+    /// Index of the shadow method's row in the comparison table.
     place: usize,
     key: String,
     pub compared: Compared,
     pub frame_ms: f64,
-    /// Timed rounds of the method, each with the number of the program run that measured it.
+    /// Measured times of the shadow method, one entry per timed round, each with the index of the program run that
+    /// measured it.
     rounds: Vec<(u32, StageTimes)>,
-    /// Whether this run of the program has already rendered a picture with the method.
+    /// Whether this program run has already rendered a picture with the shadow method.
     warm: bool,
 }
 
 impl<'a> TimedRow<'a> {
-    /// Creates the row of a method with measured errors, and returns the notes about it. `warm` tells whether this
-    /// program run has rendered with the method.
+    /// Creates the timing entry of a shadow method with measured errors, and returns the notes about its measurement.
+    /// `warm` tells whether this program run has rendered with the method.
     pub fn new(
         method: &'a dyn Method,
         place: usize,
@@ -39,8 +40,8 @@ impl<'a> TimedRow<'a> {
     }
 }
 
-/// Times shadow methods in turn until each has `repeats` timed rounds, and fills their table rows. Returns the
-/// methods that failed, with their errors.
+/// Times shadow methods in turn until each has `repeats` timed rounds, and writes the times to the comparison table
+/// rows. Returns the methods that failed, with their errors.
 pub fn time(
     job: &Job,
     rows: &mut [&mut TimedRow],

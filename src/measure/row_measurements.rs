@@ -1,4 +1,4 @@
-//! Assignment of measured times, errors and work to the columns of a comparison table row.
+//! Copies measured times, errors and counts of GPU work into the columns of a comparison table row.
 
 use super::bound_check::BoundReport;
 use super::check::Check;
@@ -9,7 +9,7 @@ use crate::gpu::Work;
 use crate::shadow::Bound;
 
 impl Row {
-    /// Sets the columns of build and frame times, and the frame rates computed from them.
+    /// Sets the columns of shadow map build times, frame times and frame rates in a comparison table row.
     pub fn set_timing(&mut self, timing: &Timing) {
         let (build, frame) = (timing.build_ms, timing.frame_ms);
         [self.build_ms, self.build_ms_min, self.build_ms_max] =
@@ -24,19 +24,20 @@ impl Row {
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
     }
 
-    /// Sets the columns `point_err_*`, the transmittance errors at visible points.
+    /// Sets the comparison table columns `point_err_*`, the transmittance errors at points visible to the camera.
     pub fn set_point_errors(&mut self, stats: &ErrorStats) {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =
             [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
         self.point_err_mean_signed = Some(stats.mean);
     }
 
-    /// Sets the columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
+    /// Sets the comparison table columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
     pub fn set_image_error(&mut self, error: &ImageError) {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
     }
 
-    /// Sets the columns of errors along light rays: `ray_err_max`, `bound*`, `rays_tested` and `depths_tested`.
+    /// Sets the comparison table columns of transmittance errors along light rays: `ray_err_max`, `bound*`,
+    /// `rays_tested` and `depths_tested`.
     pub fn set_ray_errors(&mut self, report: &BoundReport, bound: Option<Bound>) {
         self.ray_err_max = report.ray_err_max();
         self.bound = bound.map(|p| p.transmittance);
@@ -49,8 +50,8 @@ impl Row {
         self.depths_tested = Some(report.depths as u64);
     }
 
-    /// Sets the columns `work_*`, the counted GPU work: of a shadow map build, per texel, and of a picture, per
-    /// pixel.
+    /// Sets the comparison table columns `work_*`, the counts of GPU operations: per texel for building a shadow map,
+    /// and per pixel for rendering a picture.
     pub fn set_work(&mut self, (build, texels): (Work, u64), (picture, pixels): (Work, u64)) {
         let each = |work: u64, of: u64| (of > 0).then_some(work as f64 / of as f64);
         self.work_samples = each(picture.samples, pixels);
@@ -60,7 +61,8 @@ impl Row {
         self.work_pieces = each(build.pieces, texels);
     }
 
-    /// Sets the columns `check_*`, which compare marching by samples with marching by cells.
+    /// Sets the comparison table columns `check_*`, the differences in transmittance between marching light rays by
+    /// samples and by cells.
     pub fn set_check(&mut self, check: &Check) {
         self.check_n = Some(check.texels);
         [self.check_max, self.check_tolerance] = [check.max, check.tolerance].map(Some);

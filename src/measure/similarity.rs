@@ -5,7 +5,8 @@ use crate::files::color::srgb_from_linear;
 use iqa::{Image, Srgb16, SsimOptions};
 use ndarray::ArrayView3;
 
-/// Side of the SSIM window, pixels. SSIM is undefined for smaller pictures.
+/// Width and height of the window in which SSIM (structural similarity) is computed, pixels. SSIM is undefined for
+/// smaller pictures.
 pub const SSIM_WINDOW: usize = 11;
 
 /// Mean structural similarity (SSIM) of two linear RGBA pictures of `height x width x 4`; 1 for identical pictures.

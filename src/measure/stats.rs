@@ -4,24 +4,24 @@ use crate::error::{Error, Result};
 use ndarray::{Array2, ArrayView3, Axis};
 use serde::Serialize;
 
-/// Median, minimum and maximum of repeated measurements, in their unit.
+/// Median, minimum and maximum of a repeated measurement, such as a time in ms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
-    /// Median of the repeated measurements. It is the mean of the middle two for an even number.
+    /// Median of a repeated measurement. It is the mean of the middle two values if their number is even.
     pub median: f64,
-    /// Smallest of the repeated measurements.
+    /// Smallest value of a repeated measurement.
     pub min: f64,
-    /// Largest of the repeated measurements.
+    /// Largest value of a repeated measurement.
     pub max: f64,
 }
 
 impl Spread {
-    /// Creates the statistics of a single exact value: median, minimum and maximum are equal.
+    /// Creates the median, minimum and maximum of a single exact value: all three are equal.
     pub const fn exactly(value: f64) -> Self {
         Self { median: value, min: value, max: value }
     }
 
-    /// Computes the median, minimum and maximum of repeated measurements; `None` if there are none.
+    /// Computes the median, minimum and maximum of a repeated measurement; `None` without values.
     pub fn of(readings: &[f64]) -> Option<Self> {
         let mut sorted = readings.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -33,8 +33,8 @@ impl Spread {
     }
 }
 
-/// Tolerance when weights are summed for a percentile, relative to the total weight. It exceeds the rounding of the
-/// sum and is far below the weight of a point.
+/// Rounding tolerance for sums of weights in a weighted percentile, relative to the total weight. It exceeds the
+/// rounding error of the sum and is far below any single weight.
 const RANK_SLACK: f64 = 1e-12;
 
 /// Weighted percentile by the nearest-rank method: the smallest value such that all values up to it carry at least
@@ -57,25 +57,27 @@ pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Op
     sorted.last().map(|&(value, _)| value)
 }
 
-/// Weighted statistics of signed transmittance errors `T_method - T_exact`.
+/// Weighted statistics of transmittance errors with sign, `T_method - T_exact`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorStats {
-    /// Number of points with nonzero weight in the error statistics.
+    /// Number of points with nonzero weight in the statistics of transmittance errors.
     pub count: usize,
-    /// Number of points with nonzero weight whose error is NaN or infinite. Each counts as an infinite error.
+    /// Number of points with nonzero weight whose transmittance error is NaN or infinite. Each counts as an infinite
+    /// error.
     pub non_finite: usize,
-    /// Largest absolute error over the points with nonzero weight.
+    /// Largest absolute transmittance error over the points with nonzero weight.
     pub max_abs: f64,
-    /// Weighted root mean square error: `sqrt(sum w e^2 / sum w)`.
+    /// Weighted root mean square of the transmittance errors `e`: `sqrt(sum w e^2 / sum w)`.
     pub rms: f64,
-    /// Weighted 99th percentile of the absolute error, as [`weighted_percentile`] defines it.
+    /// 99th percentile of the absolute transmittance errors, weighted as the points are; see [`weighted_percentile`].
     pub p99_abs: f64,
-    /// Weighted mean of the signed errors, `sum w e / sum w`. Negative where the shadow method is too dark.
+    /// Weighted mean of the transmittance errors with sign, `sum w e / sum w`. Negative where the shadow method is
+    /// too dark.
     pub mean: f64,
 }
 
 impl ErrorStats {
-    /// Computes the statistics of errors with weights, given as pairs `(error, weight)`; `None` where no point has
+    /// Computes the statistics of transmittance errors from pairs `(error, weight)`; `None` where no point has
     /// weight.
     ///
     /// # Errors
@@ -118,20 +120,20 @@ impl ErrorStats {
     }
 }
 
-/// Difference between two pictures in linear RGBA.
+/// Difference between two pictures in linear RGBA: rms, peak signal-to-noise ratio and maximum.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ImageError {
-    /// Root mean square difference of two pictures over all pixels and channels.
+    /// Root mean square difference between two pictures over all pixels and channels.
     pub rmse: f64,
-    /// Peak signal-to-noise ratio of two pictures, `-20 log10(rmse)`, dB. The peak is 1 for all pictures. Infinite
-    /// for identical pictures.
+    /// Peak signal-to-noise ratio (PSNR) between two pictures, `-20 log10(rmse)`, dB. The peak is 1 for all pictures.
+    /// Infinite for identical pictures.
     pub psnr_db: f64,
-    /// Largest absolute difference of two pictures in any pixel and channel.
+    /// Largest absolute difference between two pictures in any pixel and channel.
     pub max_abs: f64,
 }
 
-/// Compares two pictures in linear RGBA, each `height x width x 4`. A difference that is not finite counts as
-/// infinite.
+/// Computes the differences between two pictures in linear RGBA, each `height x width x 4`. A difference that is not
+/// finite counts as infinite.
 ///
 /// # Errors
 /// The pictures are empty or differ in size.
@@ -147,7 +149,7 @@ pub fn image_error(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Resu
     Ok(ImageError { rmse, psnr_db: -20.0 * rmse.log10(), max_abs })
 }
 
-/// Returns the largest channel difference of two pictures at each pixel, `height x width`, for display in false
+/// Returns the largest channel difference between two pictures at each pixel, `height x width`, for display in false
 /// colours.
 ///
 /// # Errors

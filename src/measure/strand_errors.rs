@@ -1,4 +1,5 @@
-//! Transmittance errors against the strands themselves (hair or fibres), where the volume was voxelised from strands.
+//! Errors of transmittance against the strands (hair or fibres) as cylinders, for a volume that was voxelised from
+//! strands.
 //!
 //! All other errors are measured against the voxel field. The field is only a substitute: its blur and the overlap of
 //! strands in bundles are errors too. Here, the true transmittance at a visible point is the mean over a light beam
@@ -14,21 +15,22 @@ use crate::scene::Light;
 use crate::shadow::ShadowMap;
 use crate::strands::Strands;
 
-/// Largest number of visible points compared with the strands. Each point needs a light beam of 256 rays.
+/// Maximum number of points visible to the camera at which transmittance is compared with the strands. Each point
+/// needs a light beam of 256 rays.
 const MOST_BEAMS: usize = 4000;
 
-/// Transmittance through the strands themselves, at some of the visible points.
+/// Transmittance from the light through the strands as cylinders, at some of the points visible to the camera.
 pub struct StrandReference {
-    /// Visible points with the transmittance from the light through the strands.
+    /// Points visible to the camera, with the transmittance from the light through the strands as cylinders.
     truth: VisiblePoints,
-    /// Rms transmittance error of the exact voxel field against the strands.
+    /// Rms error of the exact transmittance through the voxel volume, against that through the strands as cylinders.
     field_rms: f64,
     sampling_rms: f64,
 }
 
 impl StrandReference {
-    /// Computes the transmittance through the strands that a job's volume was voxelised from, at some of the visible
-    /// points.
+    /// Computes the transmittance through the strands as cylinders at some of the points visible to the camera, for a
+    /// volume voxelised from them.
     ///
     /// # Errors
     /// The transmittance through strands is not defined for this scene; the error is the reason, in words.
@@ -55,7 +57,7 @@ impl StrandReference {
         Ok(Self { truth, field_rms, sampling_rms })
     }
 
-    /// Root mean square of `T_method - T_strands` at visible points, weighted by visibility.
+    /// Root mean square of the transmittance error `T_method - T_strands` at visible points, weighted by visibility.
     ///
     /// # Errors
     /// The device is lost.
@@ -63,8 +65,8 @@ impl StrandReference {
         Ok(self.truth.errors(session, shadow)?.map(|stats| stats.rms))
     }
 
-    /// Returns a note for the reader of the comparison table on the error of the voxel field itself against the
-    /// strands.
+    /// Returns a note for the reader of the comparison table: the transmittance error of the voxel volume itself
+    /// against the strands.
     pub fn note(&self) -> String {
         format!(
             "strand_err_rms is of {} points that the camera sees, against beams through the strands; the voxel field itself \

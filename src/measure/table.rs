@@ -1,4 +1,4 @@
-//! Rows and columns of the table that `compare` writes: one row per shadow method and setting.
+//! Rows and columns of the comparison table (`compare.csv`): one row per shadow method and setting.
 
 pub use super::cell::Cell;
 use super::cell::FromText;
@@ -9,18 +9,19 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
 
-/// Column of the comparison table.
+/// Column of the comparison table: name, unit and description.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
-    /// Name of the table column, as in the CSV header.
+    /// Name of the comparison table column, as in the CSV header.
     pub name: &'static str,
-    /// Unit of the numbers in the table column. Empty for numbers without a unit.
+    /// Unit of the numbers in the comparison table column. Empty for numbers without a unit.
     pub unit: &'static str,
-    /// One-line description of the table column.
+    /// One-line description of the comparison table column.
     pub about: String,
 }
 
-/// Declares the fields of a table row together with its columns, their order, units and descriptions.
+/// Declares the fields of a comparison table row together with the table's columns, their order, units and
+/// descriptions.
 macro_rules! columns {
     ($($(#[doc = $about:literal])+ $name:ident [$unit:literal]: $t:ty,)*) => {
         /// Row of the comparison table: measurements of one shadow method with one setting. The fields are the first
@@ -28,7 +29,8 @@ macro_rules! columns {
         #[derive(Debug, Clone, PartialEq, Default)]
         pub struct Row {
             $($(#[doc = $about])+ pub $name: $t,)*
-            /// Settings of the shadow method, by name. Each is a table column after those of the fields.
+            /// Settings of the shadow method: pairs of name and value. Each setting has its own column at the end of
+            /// the comparison table.
             pub settings: Vec<(&'static str, Cell)>,
         }
 
@@ -41,14 +43,15 @@ macro_rules! columns {
         });
 
         impl Row {
-            /// Returns the values of a table row, one for each column of [`COLUMNS`].
+            /// Returns the cells of a comparison table row, one for each column of [`COLUMNS`].
             pub fn cells(&self) -> Vec<Cell> {
                 let mut cells = vec![$(self.$name.clone().into()),*];
                 cells.extend(COLUMNS[cells.len()..].iter().map(|c| self.setting(c.name)));
                 cells
             }
 
-            /// Parses a table row from cell texts, by column name. A missing column gets its default value.
+            /// Parses a comparison table row from cell texts, given by column name. A missing column gets its default
+            /// value.
             ///
             /// # Errors
             /// Returns the name of the first column whose text is not a valid value.
@@ -75,16 +78,16 @@ columns! {
     /// Name of the shadow method.
     method [""]: String,
     /// Settings of the shadow method as `key=value` texts separated by spaces. Only settings that distinguish the row
-    /// from other rows of the method are listed.
+    /// from the method's other rows are listed.
     params [""]: String,
     /// Number of texels per side of the shadow map.
     map ["texels"]: Option<u32>,
-    /// Width of the rendered picture.
+    /// Width of the rendered picture, in pixels.
     width ["pixels"]: u32,
-    /// Height of the rendered picture.
+    /// Height of the rendered picture, in pixels.
     height ["pixels"]: u32,
-    /// Time to build the shadow map after the light has moved, median of the repeats. It includes host and device,
-    /// repeated passes, and automatic choices such as layer splits.
+    /// Time to build the shadow map after the light has moved, median of the repeats. It includes work on host and
+    /// device, repeated passes, and automatic choices such as the spacing of layers.
     build_ms ["ms"]: Option<f64>,
     /// Build time of the shadow map (`build_ms`) in the fastest repeat.
     build_ms_min ["ms"]: Option<f64>,
@@ -98,11 +101,11 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Clock of `build_ms` and `frame_ms`: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
-    /// Time of the first build of the shadow map, by the host's clock. It includes compiling shaders that no earlier
-    /// row used, and first guesses of buffer sizes.
+    /// Time to build the shadow map for the first time, by the host's clock. It includes compiling new shaders, and
+    /// first guesses of buffer sizes.
     build_first_ms ["ms"]: Option<f64>,
-    /// Time of the device's passes within `build_ms`, by the adapter's timestamps. Empty for an adapter without
-    /// timestamps or a method without passes.
+    /// Part of `build_ms` that the GPU passes take, by the adapter's timestamps. Empty for an adapter without
+    /// timestamps or a method without GPU passes.
     build_gpu_ms ["ms"]: Option<f64>,
     /// Time from requesting the shadow map to its completion, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
@@ -116,14 +119,14 @@ columns! {
     bricks_ms ["ms"]: Option<f64>,
     /// Time to compute the transfer function's lookup tables again after an edit, by the host's clock.
     tables_ms ["ms"]: Option<f64>,
-    /// Number of timed repeats over which the median times are taken.
+    /// Number of timed runs of the shadow method, from which the median times are taken.
     repeats [""]: Option<u32>,
     /// Pictures per second while the light does not move: `1000 / frame_ms`.
     fps_static ["1/s"]: Option<f64>,
     /// Pictures per second while the light moves, so that the shadow map is rebuilt for each: `1000 / (build_ms +
     /// frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Memory allocated for the shadow map, in bytes. It is measured after a first build has shown the size needed.
+    /// Memory allocated for the shadow map, in bytes, after a first build has shown how large the buffers must be.
     bytes [""]: Option<u64>,
     /// Memory of the shadow map that queries for transmittance can access, in bytes.
     bytes_used [""]: Option<u64>,
@@ -156,65 +159,71 @@ columns! {
     /// Mean structural similarity (SSIM) of the method's picture and the exact picture, of sRGB-encoded channels.
     /// Both have about 1,500 pixels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
-    /// Estimated error of the exact picture itself: the largest change of a linear channel with finer integration.
+    /// Estimated error of the exact picture: largest change of a colour channel under finer integration.
     image_exact_err [""]: Option<f64>,
-    /// Error bound of the method on light rays: tolerance in transmittance. Empty for methods without a bound.
+    /// Error bound that the shadow method states along light rays: tolerance in transmittance. Empty for methods
+    /// without a bound.
     bound [""]: Option<f64>,
-    /// Error bound of the method on light rays: tolerance in depth.
+    /// Error bound that the shadow method states along light rays: tolerance in depth along the ray.
     bound_depth_mm ["mm"]: Option<f64>,
-    /// Error bound of the method on light rays: lateral tolerance, within which float32 cannot locate the ray.
+    /// Error bound that the shadow method states along light rays: tolerance in lateral position, because float32
+    /// cannot locate the ray more exactly.
     bound_lateral_mm ["mm"]: Option<f64>,
-    /// Error bound of the method on light rays: tolerance in the volume's values along the ray.
+    /// Error bound that the shadow method states along light rays: tolerance in the scalar values of the volume.
     bound_value [""]: Option<f64>,
-    /// Number of tested depths that satisfy the method's error bound only by its tolerances in lateral position or in
-    /// value.
+    /// Number of depths on light rays at which the error bound is satisfied only by its tolerances in lateral
+    /// position and scalar value.
     bound_limited [""]: Option<u64>,
-    /// Whether the method's error bound is satisfied at every tested depth. Empty for methods without a bound.
+    /// Whether the shadow method's error bound is satisfied at every tested depth on the light rays. Empty for
+    /// methods without a bound.
     bound_held [""]: Option<bool>,
-    /// Number of shadow map texels at which marching by regular samples was compared with marching cell by cell.
-    /// Empty where light rays are marched by cells.
+    /// Number of shadow map texels at which marching light rays by regular samples was compared with marching cell by
+    /// cell. Empty for methods that march by cells.
     check_n [""]: Option<u64>,
-    /// Smallest tolerance in transmittance that all compared texels satisfy, between marching by samples and by
-    /// cells. Curves may be displaced by one step in depth.
+    /// Smallest tolerance in transmittance within which marching by samples agrees with marching by cells at all
+    /// compared texels. Curves may be displaced by one step in depth.
     check_max [""]: Option<f64>,
-    /// Required tolerance in transmittance between marching by samples and by cells: 0.1, or twice the method's own
-    /// error bound where that is larger.
+    /// Largest difference in transmittance allowed between marching light rays by samples and by cells: 0.1, or twice
+    /// the method's error bound where that is larger.
     check_tolerance [""]: Option<f64>,
-    /// Whether all compared texels satisfy `check_tolerance` at 24 random depths each. If so, with 99 % confidence,
-    /// fewer than `4.6 / check_n` of the texels with extinction violate it in such a test.
+    /// Whether marching by samples and by cells agree within `check_tolerance` at all compared texels, at 24 random
+    /// depths each. If so, with 99 % confidence, they disagree in such a test at fewer than `4.6 / check_n` of all
+    /// texels with extinction.
     check_ok [""]: Option<bool>,
-    /// Counted GPU work of the picture that `image_rmse` measures: filtered samples of the volume, per pixel.
+    /// GPU work to render the picture of `image_rmse`: number of filtered samples of the volume, per pixel.
     work_samples [""]: Option<f64>,
-    /// Counted GPU work of a picture: queries for the light at a point, per pixel.
+    /// GPU work to render a picture: number of queries for the transmittance from the light at a point, per pixel.
     work_lookups [""]: Option<f64>,
-    /// Counted GPU work of a picture: texture reads of all kinds, per pixel.
+    /// GPU work to render a picture: number of texture reads of all kinds, per pixel.
     work_loads [""]: Option<f64>,
-    /// Counted GPU work of a shadow map build: cells (or samples with `march=samples`) along light rays, per texel of
-    /// the built tiles. It includes searches for layer splits.
+    /// GPU work to build a shadow map: number of volume cells (or samples with `march=samples`) along light rays, per
+    /// texel of the map's built tiles. Searches for the spacing of layers are included.
     work_cells [""]: Option<f64>,
-    /// Counted GPU work of a shadow map build: segments of light rays with an integrated optical depth, per texel of
-    /// the built tiles.
+    /// GPU work to build a shadow map: number of intervals of light rays whose optical depth was integrated, per
+    /// texel of the map's built tiles.
     work_pieces [""]: Option<f64>,
-    /// Number of light rays along which transmittance was tested.
+    /// Number of light rays along which the shadow method's transmittance was tested.
     rays_tested [""]: Option<u64>,
-    /// Number of depths tested on the light rays, including depths of curve nodes.
+    /// Number of depths on light rays at which the shadow method's transmittance was tested, including depths of
+    /// curve nodes.
     depths_tested [""]: Option<u64>,
     /// Whether the row is on the Pareto front: no other row of the scene is both faster (`fps_moving`) and more
     /// accurate (`point_err_rms`).
     pareto [""]: Option<bool>,
-    /// Whether a search within a budget chose the method's settings. Empty where there was no search.
+    /// Whether a search within a memory or time budget chose the method's settings. Empty where there was no search.
     tuned [""]: Option<bool>,
-    /// Budgets, each with the minimized error, for which a search chose the method's settings.
+    /// Memory or time budgets, each with the minimized error, for which a search chose the method's settings.
     tuned_for [""]: String,
-    /// Rendering work that was skipped because the scene does not need it, with the reason and the saving.
+    /// Rendering work that the renderer skipped because the scene does not need it, with the reason and the saving.
     left_out [""]: String,
     /// Number of lights with nonzero intensity. Times, bytes and errors apply to all of them together.
     lights [""]: Option<u32>,
-    /// Number of the only light of the row, from 1 (`--each-light`). Empty for a row with all lights.
+    /// Index, from 1, of the only light in a row that is measured with a single light (`--each-light`). Empty for a
+    /// row with all lights.
     light [""]: Option<u32>,
     /// Driver of the graphics adapter, with its version.
     driver [""]: String,
-    /// Number of threads for parallel work on the host.
+    /// Number of CPU threads that the program used for parallel work.
     threads [""]: Option<u32>,
     /// Build profile of this program: `release` or `debug`.
     profile [""]: String,
@@ -224,7 +233,7 @@ columns! {
     revision [""]: String,
     /// Status of the method's measurement: `ok` or `failed`.
     status [""]: String,
-    /// Error message of a failed measurement, or remarks for the reader of the row.
+    /// Error message of a failed measurement, or remarks for the reader of the table row.
     note [""]: String,
 }
 
@@ -239,26 +248,26 @@ impl Serialize for Row {
     }
 }
 
-/// Value of the table column `status` for a method that was measured.
+/// Value of the comparison table column `status` for a shadow method that was measured.
 pub const OK: &str = "ok";
-/// Value of the table column `status` for a method that failed.
+/// Value of the comparison table column `status` for a shadow method that failed.
 pub const FAILED: &str = "failed";
 
 impl Row {
-    /// Marks a table row as failed and adds the error to its note. Values measured before are retained.
+    /// Marks a comparison table row as failed and adds the error to its note. Values measured before are retained.
     pub fn set_failed(&mut self, why: &dyn fmt::Display) {
         self.status = FAILED.into();
         self.add_note(why);
     }
 
-    /// Appends a text to the note of a table row, after a semicolon.
+    /// Appends a text to the note of a comparison table row, after a semicolon.
     pub fn add_note(&mut self, note: &dyn fmt::Display) {
         let before = if self.note.is_empty() { String::new() } else { format!("{}; ", self.note) };
         self.note = format!("{before}{note}");
     }
 
-    /// Returns the row's shadow method with its settings as `METHOD[:key=value,...]`, which [`crate::shadow::parse`]
-    /// parses.
+    /// Returns the shadow method of a comparison table row with its settings as `METHOD[:key=value,...]`, the syntax
+    /// of [`crate::shadow::parse`].
     pub fn spec(&self) -> String {
         let map = self.map.map_or(String::new(), |map| format!("map={map}"));
         let settings: Vec<_> =
@@ -267,34 +276,36 @@ impl Row {
         format!("{}{colon}{}", self.method, settings.join(","))
     }
 
-    /// Returns the value of a table row in the named column; an empty cell for an unknown name.
+    /// Returns the value of a comparison table row in the column of a given name; an empty cell for an unknown name.
     pub fn cell(&self, column: &str) -> Cell {
         let place = COLUMNS.iter().position(|c| c.name == column);
         place.map_or(Cell::Empty, |i| self.cells().swap_remove(i))
     }
 
-    /// Returns the value of a setting of the row's shadow method, by its name; an empty cell where the method has no
-    /// such setting.
+    /// Returns the value of one setting of the comparison table row's shadow method, by its name; an empty cell where
+    /// the method has no such setting.
     pub fn setting(&self, key: &str) -> Cell {
         self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())
     }
 
-    /// Returns scene and adapter. Table rows with the same pair share a scale, a figure and a Pareto front.
+    /// Returns scene and adapter of a comparison table row. Rows with equal pairs share scale, figure and Pareto
+    /// front.
     pub fn group(&self) -> (&str, &str) {
         (&self.scene, &self.adapter)
     }
 
-    /// Returns scene, adapter and picture size. Only table rows with equal values are compared with each other.
+    /// Returns scene, adapter and picture size of a table row. Only rows with equal values are compared.
     pub fn place(&self) -> (&str, &str, u32, u32) {
         (&self.scene, &self.adapter, self.width, self.height)
     }
 
-    /// Whether the measurement of this row's shadow method failed.
+    /// Whether the measurement of this table row's shadow method failed.
     pub fn has_failed(&self) -> bool {
         self.status == FAILED
     }
 
-    /// Returns the nonempty cells of a table row as texts, by column name. [`Self::from_texts`] parses them.
+    /// Returns the nonempty cells of a comparison table row as texts, by column name. [`Self::from_texts`] parses
+    /// them.
     pub fn texts(&self) -> BTreeMap<String, String> {
         let texts =
             COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.name.into(), cell.to_string()));

@@ -1,4 +1,4 @@
-//! Choice of the depths at which transmittance along a light ray is tested.
+//! Choice of the depths on a light ray at which a shadow method's transmittance is tested.
 
 use super::rays::mix;
 
@@ -7,8 +7,8 @@ use super::rays::mix;
 const JUMP_OFFSETS: [f64; 17] =
     [0.0, -1e-6, 1e-6, -1e-3, 1e-3, -0.1, 0.1, -0.5, 0.5, -1.0, 1.0, -1.01, 1.01, -1.1, 1.1, -1.5, 1.5];
 
-/// Smallest unit for offsets of test depths around a jump, as a fraction of the depth range. It applies where the
-/// depth tolerance is smaller.
+/// Lower limit for the unit of test depth offsets around a jump in transmittance, as a fraction of the depth range.
+/// It applies where the depth tolerance is smaller.
 const SMALLEST_OFFSET: f64 = 1e-6;
 
 /// Returns `n` sorted, distinct depths in `range_mm` at which a light ray is tested. Up to half of them lie around
@@ -58,8 +58,8 @@ pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) ->
     depths
 }
 
-/// Draws one test depth from each of `n` equal strata of a depth range, with both ends included. The result is sorted
-/// and distinct.
+/// Draws one depth on a light ray at random from each of `n` equal intervals of a depth range, with both ends
+/// included. The result is sorted and distinct.
 fn stratified([start, end]: [f64; 2], n: usize) -> Vec<f64> {
     let mut seed = start.to_bits() ^ end.to_bits().rotate_left(32);
     let mut depths: Vec<f64> = (0..n)

@@ -1,11 +1,12 @@
-//! Interleaved timing of shadow methods: A B C A B C, so that drift of the machine affects all methods equally.
+//! Interleaved timing of shadow methods in the order A B C A B C; changes in the machine's speed thus affect all
+//! methods equally.
 
 use super::stats::Spread;
 use crate::error::{Error, Result};
 use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
 
-/// Returns the name of a clock for the table column `clock`.
+/// Returns the name of the clock that measured times, `gpu` or `wall`, for the comparison table column `clock`.
 pub fn clock_name(clock: Clock) -> &'static str {
     match clock {
         Clock::GpuTimestamps => "gpu",
@@ -13,7 +14,7 @@ pub fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// Returns a time span by the given clock, ms; `None` where that clock was not read.
+/// Returns a measured time by the GPU's or the host's clock, ms; `None` where that clock was not read.
 fn read(clock: Clock, span: Span) -> Option<f64> {
     match clock {
         Clock::GpuTimestamps => span.gpu_ms,
@@ -21,15 +22,16 @@ fn read(clock: Clock, span: Span) -> Option<f64> {
     }
 }
 
-/// Times of the stages of one run of a shadow method, ms: tables, shadow map build and frame.
+/// Times of the stages of one run of a shadow method, ms: transfer function tables, shadow map build and frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// Time to compute the transfer function's tables and to classify bricks, ms; `None` where the run reuses them.
+    /// Time to compute the transfer function's tables and to classify the volume's bricks, ms; `None` where the run
+    /// reuses them.
     #[serde(default)]
     pub tables_ms: Option<f64>,
-    /// Time of the host's work on building the shadow map, without the device's passes, ms.
+    /// Time of the host's work on building the shadow map, without the GPU passes, ms.
     pub build_host_ms: f64,
-    /// Time of the device's passes that build the shadow map; `None` where there are none.
+    /// Time of the GPU passes that build the shadow map; `None` where there are none.
     pub build_device: Option<Span>,
     /// Time from requesting the shadow map to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
@@ -38,39 +40,40 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
-    /// Returns the time to build the shadow map by the given clock, ms; `None` where that clock was not read.
+    /// Returns the time to build the shadow map by the GPU's or the host's clock, ms; `None` where that clock was not
+    /// read.
     fn build_ms(&self, clock: Clock) -> Option<f64> {
         let device_ms = self.build_device.map_or(Some(0.0), |span| read(clock, span))?;
         Some(self.build_host_ms + device_ms)
     }
 }
 
-/// Times of a shadow method over all repeats, ms: median, minimum and maximum, or the median alone.
+/// Times of a shadow method over all repeated runs, ms: median, minimum and maximum, or the median alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
-    /// Time to build the shadow map, ms.
+    /// Time to build the shadow map over all repeated runs, ms.
     pub build_ms: Spread,
-    /// Time to render one picture with the shadow map already built, ms.
+    /// Time to render one picture from a finished shadow map, over all repeated runs, ms.
     pub frame_ms: Spread,
-    /// Clock by which the build and frame times were measured.
+    /// Clock (GPU timestamps or the host's clock) that measured the shadow map build time and the frame time.
     pub clock: Clock,
-    /// Median time to compute the transfer function's tables and to classify bricks, ms.
+    /// Median time to compute the transfer function's tables and to classify the volume's bricks, ms.
     pub tables_ms: Option<f64>,
-    /// Median time of the device's passes that build the shadow map, by the adapter's timestamps, ms.
+    /// Median time of the GPU passes that build the shadow map, by the adapter's timestamps, ms.
     pub build_gpu_ms: Option<f64>,
     /// Median time from requesting the shadow map to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
-    /// Median frame time by the adapter's timestamps, ms.
+    /// Median time to render one picture by the adapter's timestamps, ms.
     pub frame_gpu_ms: Option<f64>,
-    /// Median frame time by the host's clock, ms.
+    /// Median time to render one picture by the host's clock, ms.
     pub frame_wall_ms: f64,
-    /// Number of timed runs that the median times are taken over.
+    /// Number of timed runs of the shadow method, over which the medians are taken.
     pub repeats: usize,
 }
 
 impl Timing {
-    /// Computes median times over several runs. GPU timestamps are used only where every run has them, since times of
-    /// two clocks have no common median.
+    /// Computes the median times of a shadow method over several runs. GPU timestamps are used only where every run
+    /// has them, since times of two clocks have no common median.
     ///
     /// # Errors
     /// The list of runs is empty.
@@ -101,34 +104,37 @@ impl Timing {
 /// Function that performs one run of a shadow method and returns the times of its stages.
 pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
-/// Repeated action to time: `warmup` discarded runs, then `rounds` timed runs.
+/// Task to be timed in turn with others, such as a shadow method on a scene: `warmup` discarded runs, then `rounds`
+/// timed runs.
 pub struct Turns<'a> {
-    /// Function that performs one run of the timed action.
+    /// Function that performs one run of the timed task (a shadow method on a scene) and returns its times.
     pub run: TimedRun<'a>,
-    /// Number of warm-up runs, whose times are discarded.
+    /// Number of warm-up runs of the timed task (a shadow method on a scene), whose times are discarded.
     pub warmup: usize,
-    /// Number of timed runs after the warm-up.
+    /// Number of timed runs of the task (a shadow method on a scene) after the warm-up.
     pub rounds: usize,
 }
 
-/// Progress event of the interleaved timing. Numbers are indices into the list of timed actions.
+/// Progress event of the interleaved timing of several tasks, such as shadow methods. It names tasks by their indices
+/// in the list.
 pub enum Event<'a> {
-    /// Start of a timed run or a warm-up run.
+    /// Start of a timed run or a warm-up run of one task, such as a shadow method.
     Starts {
-        /// Index of the action that starts, in the list of timed actions.
+        /// Index of the task that starts, such as a shadow method, in the list of timed tasks.
         turns: usize,
-        /// Whether the run is timed, not a warm-up.
+        /// Whether the starting run of a shadow method is timed; otherwise it is a warm-up run.
         counts: bool,
     },
-    /// End of a timed round: pairs of action index and stage times, for the actions that ran in it.
+    /// End of a timed round: pairs of task index and stage times, for the tasks (such as shadow methods) that ran in
+    /// it.
     Round(&'a [(usize, StageTimes)]),
 }
 
-/// Times several actions in turn, after a warm-up. Returns the times of all runs of each action, in order. An action
-/// that fails is excluded from later rounds, and the others continue.
+/// Times several tasks, such as shadow methods, in turn, after a warm-up. Returns the times of all runs of each task,
+/// in order. A task that fails is excluded from later rounds, and the others continue.
 ///
 /// # Errors
-/// For the whole call: any error that `tell` returns. For one action: its own error, or a time that is negative or
+/// For the whole call: any error that `tell` returns. For one task: its own error, or a time that is negative or
 /// not finite.
 pub fn interleave(
     all: &mut [Turns],
@@ -162,7 +168,8 @@ pub fn interleave(
     Ok(readings)
 }
 
-/// Rejects times that are negative or not finite, such as timestamps that wrapped or were never written.
+/// Returns an error for times that are negative or not finite, such as GPU timestamps that wrapped or were never
+/// written.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
     let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame } = times;
     let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
@@ -182,7 +189,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// Simulated clock for tests, which advances only on request.
+    /// Simulated clock for tests of the timing code, which advances only on request.
     #[derive(Default)]
     struct FakeClock(Cell<f64>);
 

@@ -17,7 +17,7 @@ pub const MESH_EXTENSIONS: &[&str] = &["stl", "ply", "obj"];
 const WHAT: &str = "cannot read mesh";
 /// Size of the header of a binary STL file, bytes.
 const STL_HEADER_BYTES: usize = 84;
-/// Size of a triangle in a binary STL file, bytes.
+/// Size of the record of one triangle in a binary STL file, bytes.
 const STL_TRIANGLE_BYTES: usize = 50;
 
 /// Function that parses the bytes of a mesh file to triangles.

@@ -26,19 +26,20 @@ const MAX_MM: f64 = 1e9;
 pub struct Mesh {
     /// Corners of every triangle of the mesh, world mm.
     triangles: Vec<[DVec3; 3]>,
-    /// Index of the first triangle, source and linear RGB colour of each part of the mesh.
+    /// Index of the first triangle, the source, and the linear RGB colour of each part of the mesh.
     parts: Vec<(usize, PartSource, [f64; 3])>,
     tree: Tree,
     /// Number of triangles that were skipped because their area is zero.
     left_out: usize,
-    /// SHA-256 digest of the corners and colours of the mesh. A resumed comparison uses it to detect a changed mesh.
+    /// SHA-256 digest of the corners and colours of the mesh. A comparison of shadow methods that is resumed uses it
+    /// to detect a changed mesh.
     sha256: String,
 }
 
 /// Part of a triangle mesh, with one source and one colour.
 #[derive(Debug, Clone)]
 pub struct MeshPart {
-    /// Source of the triangles: a mesh file or strands.
+    /// Source of the triangles of the mesh part: a mesh file or strands.
     pub source: PartSource,
     /// Colour of the mesh part, linear RGB.
     pub color: [f64; 3],
@@ -97,7 +98,7 @@ fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, PartSource, [f64; 3])]) -> 
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Compares two meshes by identity, not by content.
+/// Compares two meshes as objects in memory: a mesh equals only itself, whatever its triangles are.
 impl PartialEq for Mesh {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
@@ -170,8 +171,8 @@ impl Mesh {
         (b - a).cross(c - a).normalize()
     }
 
-    /// Finds the nearest triangle on the ray `origin + z direction`, with `z` strictly between two depths in mm.
-    /// `direction` has length 1.
+    /// Finds the nearest triangle of the mesh on the ray `origin + z direction`, with `z` strictly between two depths
+    /// in mm. `direction` has length 1.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
         let mut first = None;
         self.tree.visit(&self.triangles, [origin, direction], between_mm, |hit| {

@@ -20,14 +20,15 @@ pub struct Hit {
     pub triangle: usize,
 }
 
-/// Node of a flattened bounding volume hierarchy: a box or a triangle.
+/// Node of a flattened bounding volume hierarchy over the triangles of a mesh: a box or a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlatNode {
-    /// Bounding box of the node, world mm.
+    /// Bounding box of the node of a bounding volume hierarchy, world mm.
     pub bounds: [DVec3; 2],
-    /// Index of the triangle of a leaf node. `None` for an inner node, whose children follow it in the list.
+    /// Index of the triangle of a leaf node in a bounding volume hierarchy. `None` for an inner node, whose children
+    /// follow it in the list.
     pub triangle: Option<u32>,
-    /// Index of the node to visit next if the ray misses the box, or after a triangle was tested.
+    /// Index of the hierarchy node to visit next if the ray misses the bounding box, or after a triangle was tested.
     pub next: u32,
 }
 
@@ -68,8 +69,8 @@ fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
 /// Bounding volume hierarchy over triangles. It does not store the triangles, so callers pass them to each query.
 pub(super) struct Tree(Bvh<f64, 3>);
 
-/// Ray prepared for intersection tests: axes permuted so that z is its longest component, and the shear that aligns
-/// it with z.
+/// Ray that is prepared for intersection tests with triangles: axes permuted so that z is its longest component, and
+/// the shear that aligns it with z.
 struct ShearedRay {
     origin: DVec3,
     inverse: DVec3,
@@ -100,7 +101,7 @@ impl ShearedRay {
         (one_side && sum != 0.0).then(|| edges.dot(DVec3::new(a.z, b.z, c.z)) / sum)
     }
 
-    /// Whether the ray passes a slightly enlarged bounding box between two depths.
+    /// Whether the ray passes through a slightly enlarged bounding box between two depths.
     fn passes(&self, bounds: &Aabb<f64, 3>, [from, to]: [f64; 2]) -> bool {
         let near = (vector(&bounds.min) - self.origin) * self.inverse;
         let far = (vector(&bounds.max) - self.origin) * self.inverse;

@@ -1,6 +1,6 @@
-//! Notes and warnings for the user about inputs that are accepted.
+//! Notes and warnings that the program shows about accepted inputs, such as volume files.
 
-/// Severity of a message about an accepted input: note or warning.
+/// Severity of a message about an accepted input file or setting: note or warning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Level {
@@ -18,7 +18,7 @@ impl Level {
     }
 }
 
-/// Note or warning for the user about an accepted input.
+/// Note or warning for the user about an accepted input file or setting.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
     /// Severity of the message: note or warning.
@@ -28,12 +28,12 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// Creates a note, which states an assumption about an input.
+    /// Creates a note, which tells the user an assumption about an input file or setting.
     pub fn note(message: String) -> Self {
         Self { level: Level::Note, message }
     }
 
-    /// Creates a warning, which states a probable mistake in an input.
+    /// Creates a warning, which tells the user a probable mistake in an input file or setting.
     pub fn warning(message: String) -> Self {
         Self { level: Level::Warning, message }
     }

@@ -1,4 +1,5 @@
-//! Downsampling of a volume by given factors, to a number of bytes, or to the limits of memory and textures.
+//! Downsampling of a volume, by given factors, to a given number of bytes, or until it fits memory and the device's
+//! textures.
 
 use crate::error::{Error, Result};
 use crate::field::Fold;
@@ -13,8 +14,8 @@ const CORE_TEXTURE_SIDE: usize = 2048;
 /// Largest number of bytes of a voxel on a graphics device that shares the machine's memory.
 const DEVICE_BYTES: u64 = 4;
 
-/// Converts the value of `--downsample` to limits on the volume's size. The memory of a graphics card is unknown;
-/// free memory is known on Linux.
+/// Converts the value of `--downsample` to limits on the size of the volume that is read. Free memory is known only
+/// on Linux; the memory of a graphics card is unknown.
 pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
     let room = MemoryBudget {
         fixed: None,
@@ -36,7 +37,7 @@ pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
     }
 }
 
-/// Downsamples a volume to the given limits, unless its reader has already done it.
+/// Downsamples a volume to the given size limits, unless the volume's reader has already downsampled it.
 pub(super) fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
     let Some(room) = room else { return Ok(volume) };
     if let Some(Reduced { from, factors }) = loading.take_reduced() {

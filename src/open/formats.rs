@@ -1,5 +1,5 @@
 //! Registry of the volume file formats, and reading of volumes with it. A new format needs only one entry in
-//! [`FORMATS`]: errors, hints, help and the file dialog use that list.
+//! [`FORMATS`]: error messages, help and the file dialog use that list.
 
 use super::downsample::{downsampled, room_for};
 use super::layer::layer;
@@ -61,7 +61,7 @@ pub struct ReadFlags {
 }
 }
 
-/// Specification of a volume: its path or built-in name, and the flags for reading it.
+/// Specification of a volume that can be read: its path or built-in name, with the flags for reading it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
     /// Source of the volume: a path, or `phantom:NAME[:SIZE]` for a built-in volume. A file of
@@ -93,7 +93,7 @@ impl VolumeSpec {
         sha256_of_files(files.iter().map(PathBuf::as_path)).map(Some)
     }
 
-    /// Name of the built-in volume after `phantom:`; `None` for a file.
+    /// Name of the built-in volume, the text after `phantom:`; `None` if the volume is a file.
     fn phantom(&self) -> Option<&str> {
         self.source.strip_prefix("phantom:")
     }
@@ -104,7 +104,8 @@ impl VolumeSpec {
         self.phantom().is_none().then(|| self.flags.raw.or_else(of_name)).flatten()
     }
 
-    /// Describes a raw volume file. The layout comes from `--raw`, else from a sidecar file, else from its name.
+    /// Describes a raw volume file. Its layout comes from `--raw`, else from a text header beside the file, else from
+    /// the file's name.
     fn raw_file(&self) -> Result<RawFile> {
         let sidecar = if self.flags.raw.is_none() { Sidecar::beside(self.path())? } else { None };
         let layout = match (&sidecar, self.layout()) {
@@ -134,12 +135,12 @@ impl VolumeSpec {
         zarr::Choice { level, frame: self.frame(), spacing_mm: spacing }
     }
 
-    /// Whether the volume's source is strands, which are voxelised.
+    /// Whether the volume is made from strands, by voxelising them.
     fn is_of_strands(&self) -> bool {
         self.layout().is_none() && is_strand_source(&self.source)
     }
 
-    /// Returns an error if the shading model does not fit the volume: `kajiya-kay` needs strands.
+    /// Returns an error if the shading model does not fit the volume: `kajiya-kay` needs a volume made from strands.
     pub(super) fn check_shading(&self, shading: Option<Shading>) -> Result<()> {
         match shading {
             Some(Shading::KajiyaKay) if !self.is_of_strands() => {
@@ -162,10 +163,10 @@ impl Default for VolumeSpec {
     }
 }
 
-/// Volume that was read, with the strands that it was made from, if any.
+/// Result of reading a volume: the volume, and the strands that it was made from, if any.
 #[derive(Debug)]
 pub struct Read {
-    /// Volume that was read.
+    /// Volume that was read from a file, built, or voxelised from strands.
     pub volume: Volume,
     /// Strands that the volume was voxelised from, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
@@ -180,16 +181,17 @@ impl From<Volume> for Read {
 /// File format of volumes: its description, flags and reader.
 #[derive(Debug)]
 pub struct Format {
-    /// Description of the volume format in error messages, after the words `SOURCE is`.
+    /// Noun phrase for inputs of this volume format, for error messages such as `SOURCE is a Zarr store`.
     pub kind: &'static str,
-    /// Usage of the volume format in hints and help, with its file extensions.
+    /// Short text for hints and help that tells how to specify a volume of this format, with its file extensions.
     pub usage: &'static str,
-    /// File extensions of the volume format for the file dialog; of a double extension such as `.nii.gz` only the
-    /// last part.
+    /// File extensions of the volume format for the file dialog. Of a double extension such as `.nii.gz` it lists
+    /// only the last part.
     pub endings: &'static [&'static str],
-    /// Names of the reading flags ([`ReadFlags`]) that apply to this volume format.
+    /// Names of the command-line flags for reading ([`ReadFlags`]) that apply to this volume format.
     pub flags: &'static [&'static str],
-    /// Detects the volume format from flags, the file's first bytes and its name.
+    /// Detects whether a volume has this file format, from the flags for reading, the file's first bytes and its
+    /// name.
     sniff: fn(&VolumeSpec, &Head) -> bool,
     read: fn(&VolumeSpec, &Loading) -> Result<Read>,
     /// Lists the files that make up a volume of this format.
@@ -200,8 +202,8 @@ fn itself(spec: &VolumeSpec) -> Result<Vec<PathBuf>> {
     Ok(vec![spec.path().into()])
 }
 
-/// List of all volume formats in the order of detection. The last one accepts every input, and its error lists all
-/// formats.
+/// List of all volume file formats in the order of detection. The last one accepts every input, and its error message
+/// lists all formats.
 pub const FORMATS: &[Format] = &[
     Format {
         kind: "a built-in volume",
@@ -328,7 +330,7 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// Usage of every volume format, in one line.
+/// Lists in one line how to specify a volume of each file format.
 pub fn accepted() -> String {
     FORMATS.iter().map(|f| f.usage).collect::<Vec<_>>().join(", ")
 }
@@ -342,7 +344,8 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
 }
 
 impl VolumeSpec {
-    /// Reads the volume and the strands that it was made from; `loading` shows progress and can cancel the reading.
+    /// Reads the volume, and the strands that it was made from, if any. `loading` shows progress and can cancel the
+    /// reading.
     ///
     /// # Errors
     /// A file that cannot be read, a flag of another format, or cancellation.
@@ -365,7 +368,7 @@ impl VolumeSpec {
         outcome
     }
 
-    /// Returns an error for a reading flag that does not apply to this volume format.
+    /// Returns an error for a given command-line flag that does not apply to this volume format.
     fn check_flags(&self, format: &Format) -> Result<()> {
         // Every format has a first frame.
         let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags };

@@ -1,8 +1,9 @@
-//! Layers of optional settings: flags win over a scene file, which wins over defaults.
+//! Layers of optional settings: values from command-line flags win over those of a scene file, which win over
+//! defaults.
 
-/// Optional settings that can be combined in layers.
+/// Set of optional settings that can be combined with another set, such as command-line flags with a scene file.
 pub trait Layer {
-    /// Combines two layers of settings: a value of this layer wins over one of the layer below.
+    /// Combines two sets of optional settings: a value of `self` wins over one of `below`.
     #[must_use]
     fn over(&self, below: &Self) -> Self;
 }
@@ -19,7 +20,7 @@ impl Layer for bool {
     }
 }
 
-/// Declares a struct of optional settings, or of groups of such settings, that implements [`Layer`].
+/// Declares a struct of optional settings that implements [`Layer`], field by field.
 macro_rules! layer {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
         $(#[$meta])*

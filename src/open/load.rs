@@ -1,4 +1,5 @@
-//! Loads a scene: reads its volume, and prepares its transfer function, opaque objects and camera.
+//! Loads a scene: reads its volume, adapts its transfer function to the volume, and prepares opaque objects and
+//! camera.
 
 use super::masking::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
@@ -13,7 +14,7 @@ use crate::transfer::formats::Imported;
 use crate::volume::Volume;
 use std::sync::Arc;
 
-/// Loaded scene: its volume, the transfer function in the volume's units, and camera and lights.
+/// Loaded scene: its volume, its transfer function in the volume's units, camera, lights and opaque objects.
 #[derive(Debug)]
 pub struct Loaded {
     /// Volume of the loaded scene.
@@ -22,29 +23,31 @@ pub struct Loaded {
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Transfer function of the loaded scene, in the units of its volume.
     pub tf: TransferFunction,
-    /// Name of the preset or path of the file of the scene's transfer function.
+    /// Origin of the loaded scene's transfer function: name of a preset, or path of a file.
     pub tf_source: String,
     /// Camera, lights, opaque objects and picture size of the loaded scene.
     pub scene: Scene,
-    /// Bounds of the visible part of the volume, which a camera frames.
+    /// Bounds of the visible part of the volume and of opaque objects, which the camera frames by default.
     pub bounds: VisibleBounds,
-    /// Units of the volume's values and factor on extinction, given by the user or derived from the volume.
+    /// Kind of the volume's values (HU or not) and factor on the transfer function's extinction, given by the user or
+    /// derived from the volume.
     pub suiting: Suiting,
-    /// Notes and warnings for the user about the loaded scene.
+    /// Notes and warnings for the user about the files and settings of the loaded scene.
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// Transfer functions that a scene's settings name, found before its volume is read.
+/// Transfer functions that a scene's settings name: one for the whole volume, others for segmentation labels. They
+/// are found before the volume is read.
 #[derive(Debug)]
 pub struct Functions {
-    /// Transfer function of the whole volume with its name; `None` for the default preset.
+    /// Transfer function of the whole volume, with its preset name or path; `None` for the default preset.
     whole: Option<(String, Found)>,
     of_labels: Vec<(LabelList, Found)>,
 }
 
 impl Functions {
-    /// Replaces the transfer function of the whole volume by `tf`, whose values are the volume's or fractions of its
-    /// range. `source` is its name.
+    /// Replaces the transfer function of the whole volume by `tf`. The scalar values of `tf` are those of the volume,
+    /// or fractions of its value range; `source` is its name.
     #[must_use]
     pub fn with_whole(self, source: &str, tf: TransferFunction) -> Self {
         let carried = Imported { tf, warnings: Vec::new(), format: "umbravox" };
@@ -53,8 +56,8 @@ impl Functions {
 }
 
 impl Loaded {
-    /// Returns the scene of other settings for the same volume, transfer function and opaque objects
-    /// ([`SceneSettings::looks_as`]); only camera, lights and picture differ.
+    /// Returns the scene of other settings, with this volume, transfer function and opaque objects. The settings may
+    /// differ only in camera, lights, shading and picture ([`SceneSettings::looks_as`]).
     ///
     /// # Errors
     /// A camera without direction, or shading that does not fit the volume.
@@ -65,10 +68,10 @@ impl Loaded {
 }
 
 impl SceneSettings {
-    /// Loads a scene; small files are read first. `loading` shows progress and can cancel it.
+    /// Loads a scene from its settings; its transfer functions are read before its volume. `loading` shows progress
+    /// and can cancel it.
     ///
-    /// # Errors
-    /// A file that cannot be read, settings that contradict each other, or cancellation.
+    /// # Errors A file cannot be read, settings contradict each other, or loading was cancelled.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let functions = self.functions(false)?;
         let mut diagnostics = Vec::new();
@@ -77,10 +80,9 @@ impl SceneSettings {
     }
 
     /// Finds the scene's transfer functions, and validates all settings that need no volume. `is_labelled` says that
-    /// the volume already has labels.
+    /// the volume already has segmentation labels.
     ///
-    /// # Errors
-    /// A function that cannot be found or read, or settings that contradict each other.
+    /// # Errors A transfer function cannot be found or read, or settings contradict each other.
     pub fn functions(&self, is_labelled: bool) -> Result<Functions> {
         let found = |tf: &String| Ok((tf.clone(), presets::find(tf)?));
         let whole = self.tf.as_ref().map(found).transpose()?;
@@ -103,8 +105,8 @@ impl SceneSettings {
         Ok(Read { volume, strands })
     }
 
-    /// Prepares transfer function, opaque objects and camera for a volume that has been read. `diagnostics` are the
-    /// notes and warnings so far.
+    /// Prepares transfer function, opaque objects and camera of a scene whose volume has been read. `diagnostics` are
+    /// the notes and warnings so far.
     ///
     /// # Errors
     /// Settings that do not fit the volume, or opaque objects that cannot be read.
@@ -136,13 +138,14 @@ impl SceneSettings {
         Ok(Loaded { volume, strands, tf, tf_source, scene, bounds, suiting, diagnostics })
     }
 
-    /// Whether two scenes' settings read the same volume in the same way.
+    /// Whether two scenes' settings name the same volume and segmentation, with the same flags for reading them.
     pub fn reads_as(&self, other: &Self) -> bool {
         let read = |s: &Self| (s.volume.clone(), s.read_flags, s.masking.labels.clone(), s.sha256.clone());
         read(self) == read(other)
     }
 
-    /// Whether two scenes' settings differ at most in camera, lights, shading and picture.
+    /// Whether two scenes' settings differ at most in camera, lights, shading and picture, so that volume, transfer
+    /// function and opaque objects are the same.
     pub fn looks_as(&self, other: &Self) -> bool {
         let look = |s: &Self| {
             (s.tf.clone(), s.suiting(), s.masking.clone(), s.opaque.clone(), s.disabled_optimizations())

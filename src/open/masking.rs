@@ -1,4 +1,4 @@
-//! Masking of a volume by clip planes and by the labels of a segmentation.
+//! Masking of parts of a volume, by clip planes and by the labels of a segmentation.
 
 use super::layer::layer;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
@@ -15,15 +15,16 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Largest number of segmentation labels in one flag.
+/// Largest number of segmentation labels in the value of one command-line flag.
 const MOST_NAMED: usize = 4096;
-/// Relative error of a converted transfer function above which the user gets a warning.
+/// Relative error of the extinction above which the conversion of a label's transfer function gives the user a
+/// warning.
 const OFF_SAID: f64 = 0.002;
 /// Largest number of segmentation labels that a message lists.
 const MOST_SHOWN: usize = 12;
 
 layer! {
-/// Command-line flags that mask parts of a volume.
+/// Command-line flags that mask parts of a volume, by clip planes or segmentation labels.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct MaskFlags {
     /// Clip the volume to the half-space n·x >= d, world mm; may be given several times: outside there is no
@@ -128,10 +129,9 @@ impl Serialize for LabelFunction {
 }
 
 impl MaskFlags {
-    /// Returns the clip planes of `--clip`.
+    /// Returns the clip planes that the flag `--clip` gives.
     ///
-    /// # Errors
-    /// Too many, or any for strands, whose segments would have to be cut.
+    /// # Errors There are too many clip planes, or the volume is made from strands, which cannot be clipped.
     pub fn planes(&self, is_of_strands: bool) -> Result<Vec<ClipPlane>> {
         let refuse = |why: String| Err(Error::input("cannot clip", "--clip", why));
         let planes = self.clip.clone().unwrap_or_default();
@@ -145,10 +145,9 @@ impl MaskFlags {
     }
 
     /// Finds the transfer functions of segmentation labels before the volume is read. `is_labelled` says that the
-    /// volume already has labels.
+    /// volume already has segmentation labels.
     ///
-    /// # Errors
-    /// A function that cannot be found or read, or flags that need a segmentation where there is none.
+    /// # Errors A transfer function cannot be found or read, or a flag needs a segmentation and there is none.
     pub fn find(&self, is_labelled: bool) -> Result<Vec<(LabelList, Found)>> {
         let flag = if self.hide.is_some() { "--hide" } else { "--label-tf" };
         if self.labels.is_none() && !is_labelled && (self.hide.is_some() || self.label_tf.is_some()) {
@@ -160,7 +159,7 @@ impl MaskFlags {
             .collect()
     }
 
-    /// Reads the segmentation of `--labels`, if given, and adds its labels to the volume.
+    /// Reads the segmentation file of `--labels`, if given, and adds its labels to the volume.
     ///
     /// # Errors
     /// The segmentation cannot be read, or does not hold whole numbers.
@@ -199,11 +198,11 @@ impl MaskFlags {
         volume.labelled(Arc::new(labels))
     }
 
-    /// Returns the rules for a volume's segmentation labels: their transfer functions, then the hidden labels. The
-    /// functions are adapted to the volume, and store opacity or extinction as `tf` does.
+    /// Returns the rules for a volume's segmentation labels: first the labels with their own transfer function, then
+    /// the hidden labels. Each function is adapted to the volume and converted to the quantity (opacity or
+    /// extinction) of `tf`.
     ///
-    /// # Errors
-    /// A function that cannot be adapted.
+    /// # Errors A transfer function cannot be adapted to the volume.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
@@ -238,13 +237,13 @@ impl MaskFlags {
         Ok(rules)
     }
 
-    /// Mutable file names of the segmentation and of its labels' transfer functions.
+    /// Mutable file names of the segmentation and of the transfer functions of its labels.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         self.labels.iter_mut().chain(self.label_tf.iter_mut().flatten().map(|f| &mut f.tf))
     }
 }
 
-/// Describes whether a transfer function stores opacities or extinction, for messages.
+/// Returns text for messages that tells whether a transfer function stores opacities or extinction.
 fn kind_of(tf: &TransferFunction) -> String {
     match tf.quantity {
         Quantity::Opacity => format!("opacities over {} mm", tf.reference_length_mm),
@@ -252,7 +251,7 @@ fn kind_of(tf: &TransferFunction) -> String {
     }
 }
 
-/// Formats the first segmentation labels of a list as text.
+/// Formats the first few segmentation labels of a list, and the number of the others, as text for a message.
 fn shown(labels: &[u32]) -> String {
     let first: Vec<String> = labels.iter().take(MOST_SHOWN).map(u32::to_string).collect();
     let more = labels.len().saturating_sub(MOST_SHOWN);

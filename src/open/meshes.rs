@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 layer! {
-/// Command-line flags for opaque objects in the volume; a flag that is not given is `None`.
+/// Command-line flags for opaque objects in the volume (meshes and strands); a flag that is not given is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct OpaqueFlags {
     /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
@@ -67,7 +67,7 @@ fn strand_file(text: &str) -> Result<OpaqueFile, String> {
 }
 
 impl OpaqueFlags {
-    /// Mutable paths of all mesh and strand files of the scene's opaque objects.
+    /// Mutable paths of the mesh files and strand files of the scene's opaque objects.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         [&mut self.mesh, &mut self.strands].into_iter().flatten().flatten().map(|file| &mut file.source)
     }
@@ -100,7 +100,7 @@ impl OpaqueFlags {
         Ok(Some(Arc::new(Mesh::new(parts).map_err(|e| e.at(flag))?)))
     }
 
-    /// Returns the flags that describe the opaque objects of a scene; it is the inverse of [`Self::read`].
+    /// Returns the command-line flags that describe the opaque objects of a scene, the inverse of [`Self::read`].
     pub(super) fn of(mesh: Option<&Mesh>) -> Self {
         let (mut files, mut strands) = (Vec::new(), Vec::new());
         for (source, color) in mesh.into_iter().flat_map(Mesh::parts) {
@@ -118,7 +118,7 @@ impl OpaqueFlags {
 }
 
 impl OpaqueFile {
-    /// Reads strands and makes opaque tubes of them, with at most `most` triangles.
+    /// Reads a strand file of the scene and makes opaque tubes of its strands, with at most `most` triangles.
     fn read(&self, most: usize, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<MeshPart> {
         let Self { source, color, thickness_mm } = self;
         let strands = load_strands(source, *thickness_mm, loading).map_err(|e| match e.hint {

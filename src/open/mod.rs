@@ -1,4 +1,4 @@
-//! Input: turns the names of volumes and scenes in flags, scene files and the window into loaded volumes and scenes.
+//! Opening of volumes and scenes: loads the inputs that command-line flags, scene files and the window name.
 
 mod diagnostic;
 mod downsample;

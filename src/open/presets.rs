@@ -9,16 +9,17 @@ pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
 use std::path::Path;
 
-/// Window of HU that transfer-function presets in HU map to the value range of a volume whose values are not HU.
+/// Range of HU that is mapped to the volume's value range when a transfer-function preset in HU is used for a volume
+/// whose values are not HU.
 ///
 /// An 8-bit CT is commonly such a window: air at the bottom, dense bone clipped at the top, and soft tissue at about
 /// 0.58 of the range.
 pub const HU_WINDOW: [f64; 2] = [-1000.0, 800.0];
 
-/// Diagonal of the volumes for which transfer-function presets are made, mm.
+/// Diagonal of the volumes for which the extinction of transfer-function presets is made, mm.
 pub const NOMINAL_DIAGONAL_MM: f64 = 400.0;
-/// Limits within which presets keep their extinction, so that every CT of a body or of a part of it counts: factor
-/// between the volume's diagonal and the nominal one, or voxel spacing (geometric mean, mm).
+/// Presets keep their extinction if the volume's diagonal is within this factor of the nominal one, or its voxel
+/// spacing (geometric mean, mm) is in the range below. One of the two holds for every CT of a body or body part.
 const DIAGONAL_FACTOR: f64 = 4.0;
 const BODY_SPACINGS_MM: [f64; 2] = [0.3, 3.0];
 
@@ -28,39 +29,39 @@ const MOST_EXTINCTION: f64 = 1e30;
 /// Transfer function that was found and read but is not yet adapted to a volume.
 #[derive(Debug, Clone)]
 pub enum Found {
-    /// Built-in transfer function.
+    /// Built-in transfer function (preset).
     Preset(&'static Preset),
-    /// Transfer function read from a file.
+    /// Transfer function that was read from a file.
     File(Imported),
 }
 
-/// Units and extinction factor with which a transfer function is adapted to a volume; `None` derives them from the
-/// volume.
+/// Settings for adapting a transfer function to a volume: units of the values and factor on the extinction. `None`
+/// derives a setting from the volume.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Suiting {
-    /// Interpretation of the volume's values: HU or fractions of their range.
+    /// Interpretation of the volume's values to which the transfer function is adapted: HU, or fractions of their
+    /// range.
     pub units: Option<Units>,
     /// Factor on the transfer function's extinction.
     pub opacity_scale: Option<f64>,
 }
 
-/// Transfer function that is adapted to the values of a volume.
+/// Result of adapting a transfer function to the values of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedTransferFunction {
-    /// Transfer function in the values of the volume.
+    /// Transfer function whose scalar values are in the units of the volume.
     pub tf: TransferFunction,
     /// Notes on how the transfer function was adapted to the volume, one line each.
     pub notes: Vec<String>,
-    /// Warnings on properties of the transfer function's file that are not supported, one line each.
+    /// Warnings on parts of the transfer function's file that are not supported, one line each.
     pub warnings: Vec<String>,
-    /// Units and extinction factor that were applied to the transfer function.
+    /// Units of the volume's values and factor on the extinction that were applied to the transfer function.
     pub suiting: Suiting,
 }
 
 /// Finds a transfer function: a preset by its name, or else a file by its path.
 ///
-/// # Errors
-/// No such preset (the hint lists them), or a file that cannot be read.
+/// # Errors There is no such preset (the hint lists them), or the file cannot be read.
 pub fn find(name_or_path: &str) -> Result<Found> {
     if let Some(preset) = PRESETS.iter().find(|p| p.name == name_or_path) {
         return Ok(Found::Preset(preset));
@@ -80,11 +81,11 @@ pub fn find(name_or_path: &str) -> Result<Found> {
 }
 
 impl Found {
-    /// Adapts the transfer function to the volume's units: presets by their [`Scale`], files only if their values are
-    /// fractions. Extinction is scaled by the given factor; without one, presets scale it by the volume's size.
+    /// Adapts the transfer function to the volume: presets by the meaning of their values ([`Scale`]), files only if
+    /// their values are fractions. The given factor, or for presets one from the volume's size, scales the
+    /// extinction.
     ///
-    /// # Errors
-    /// The extinction becomes too large.
+    /// # Errors The extinction becomes too large.
     pub fn suit(self, volume: &Volume, requested: Suiting) -> Result<ResolvedTransferFunction> {
         let meaning = Meaning::of(volume, requested.units);
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -128,7 +129,7 @@ impl Found {
         Ok(ResolvedTransferFunction { tf, notes, warnings, suiting })
     }
 
-    /// Returns the transfer function in its own units, not adapted to a volume, with the warnings of its file.
+    /// Returns the transfer function in its own units, not adapted to any volume, with the warnings of its import.
     pub fn as_it_is(self) -> (TransferFunction, Vec<String>) {
         match self {
             Self::Preset(preset) => (preset.transfer_function(), Vec::new()),
@@ -137,7 +138,7 @@ impl Found {
     }
 }
 
-/// Adapts a transfer-function preset to the values of a volume, and adds notes on it.
+/// Adapts a transfer-function preset to the values of a volume, and adds notes for the user on this to `notes`.
 fn preset_for(
     preset: &Preset,
     volume: &Volume,
@@ -173,8 +174,8 @@ fn preset_for(
     }
 }
 
-/// Maps the value range `from` of a transfer function to the value range of the volume. The note about it starts with
-/// `what`.
+/// Maps the range `from` of a transfer function's scalar values to the value range of the volume. It adds a note for
+/// the user that starts with `what`.
 fn laid_over(
     tf: &TransferFunction,
     from: [f64; 2],
@@ -202,8 +203,8 @@ fn diagonal_mm(volume: &Volume) -> f64 {
     corners.iter().map(|c| c.distance(corners[0])).fold(0.0, f64::max)
 }
 
-/// Factor on the extinction of presets for a volume much smaller or larger than a body, so that light fades over the
-/// same fraction of it: [`NOMINAL_DIAGONAL_MM`] over the volume's diagonal. `None` near the size of a body.
+/// Factor on the extinction of presets for a volume much smaller or larger than a body: [`NOMINAL_DIAGONAL_MM`] over
+/// the volume's diagonal, so that light fades over the same fraction of the volume. `None` near the size of a body.
 pub fn size_factor(volume: &Volume) -> Option<f64> {
     let spacing_mm = volume.spacing_mm().into_iter().product::<f64>().cbrt();
     let factor = NOMINAL_DIAGONAL_MM / diagonal_mm(volume);
@@ -212,7 +213,7 @@ pub fn size_factor(volume: &Volume) -> Option<f64> {
     (factor.is_finite() && factor > 0.0 && !is_near).then(|| rounded(factor).clamp(1e-6, 1e6))
 }
 
-/// Rounds to three significant digits.
+/// Rounds a number to three significant digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
@@ -225,8 +226,8 @@ pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFu
     resolve_as(name_or_path, volume, Suiting::default())
 }
 
-/// Finds a transfer function by preset name or file path, and adapts it to a volume with the requested units and
-/// extinction factor.
+/// Finds a transfer function by preset name or file path, and adapts it to a volume with the units and extinction
+/// factor of `requested`.
 ///
 /// # Errors
 /// See [`find`] and [`Found::suit`].
@@ -239,12 +240,13 @@ pub fn resolve_as(
 }
 
 /// Name of the default transfer-function preset for a volume: `hair` for strands, `ct` for HU with air, `bone` for HU
-/// without air, `engine` otherwise. Without air the background, often 0, would be as opaque as soft tissue.
+/// without air, `engine` otherwise. In a volume without air, `ct` would make a background of 0 as opaque as soft
+/// tissue.
 pub fn default_name(volume: &Volume) -> &'static str {
     default_of(&Meaning::of(volume, None))
 }
 
-/// Default transfer-function preset for an interpretation of a volume's values.
+/// Name of the default transfer-function preset for a kind of volume values, such as HU with air.
 fn default_of(meaning: &Meaning) -> &'static str {
     match (meaning.kind, meaning.has_air) {
         (ValueKind::Extinction, _) => "hair",
@@ -254,10 +256,9 @@ fn default_of(meaning: &Meaning) -> &'static str {
     }
 }
 
-/// Text of a transfer-function file in this program's format; a file of another format is converted.
+/// Returns a transfer-function file as text in this program's format; a file of another format is converted.
 ///
-/// # Errors
-/// The file cannot be read.
+/// # Errors The file cannot be read.
 pub fn own_text(path: &Path) -> Result<String> {
     let text = read_text(path, "cannot read transfer function")?;
     match TransferFunction::from_json(&text) {
@@ -266,8 +267,8 @@ pub fn own_text(path: &Path) -> Result<String> {
     }
 }
 
-/// Returns the default transfer-function preset of a volume. A note is added if the choice is a guess that no other
-/// note states.
+/// Returns the default transfer-function preset of a volume, and a note for the user if the values' units were
+/// guessed not to be HU.
 pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
     let meaning = Meaning::of(volume, units);
     let name = default_of(&meaning);
@@ -283,7 +284,7 @@ mod tests {
     use glam::DAffine3;
     use ndarray::array;
 
-    /// Test volume of two voxels that are `mm` apart.
+    /// Creates a test volume of two voxels at a distance of `mm`.
     fn volume_of(lo: f64, hi: f64, mm: f64) -> Volume {
         let provenance = Provenance::new("test", "phantom", "float64");
         let voxels = Voxels::F64(array![[[lo, hi]]]);

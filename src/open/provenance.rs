@@ -1,4 +1,4 @@
-//! Provenance of results: the scene that a results folder records, and the text entries of a picture file.
+//! Provenance of results: the record of a scene in a results folder, and the text entries of a picture file.
 
 use super::presets::{self, PRESETS};
 use super::{Loaded, SceneSettings};
@@ -9,22 +9,21 @@ use crate::measure::job::file_name_part;
 use crate::report::run::SceneRecord;
 use std::path::Path;
 
-/// Scene with its record for a folder of results.
+/// Settings of a scene, with the record that is written to a folder of results.
 pub struct RecordedScene {
-    /// Scene settings as the user gave them.
+    /// Settings of the scene that the user gave, without defaults.
     pub settings: SceneSettings,
-    /// Record of the scene in the results folder; all defaults are written out.
+    /// Record of the scene for the results folder, in which all default settings are written out.
     pub record: SceneRecord,
-    /// Text of the transfer function's file; `None` for a preset.
+    /// Text of the file of the scene's transfer function; `None` for a preset.
     pub tf_text: Option<String>,
 }
 
 impl RecordedScene {
-    /// Records the settings of a scene and its loaded data. `several` says that the results folder holds other
-    /// scenes, too.
+    /// Creates the record of a scene for a results folder from the scene's settings and loaded data. `several` says
+    /// that the folder holds more than one scene.
     ///
-    /// # Errors
-    /// The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
+    /// # Errors The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
     pub fn of(
         settings: SceneSettings,
         loaded: &Loaded,
@@ -55,7 +54,7 @@ impl RecordedScene {
     }
 }
 
-/// Returns the text of the transfer function's file; `None` for a preset.
+/// Returns the text of the file of a loaded scene's transfer function; `None` for a preset.
 ///
 /// # Errors
 /// The file cannot be read.

@@ -1,4 +1,4 @@
-//! Settings of a command line or a scene file: the scene, and flags about the run.
+//! Settings from a command line or a scene file: those of a scene, and flags for graphics adapter and output.
 
 use super::SceneSettings;
 use super::layer::{Layer, layer};
@@ -9,7 +9,7 @@ use std::ops::Not;
 use std::path::PathBuf;
 
 layer! {
-/// Command-line flags about the run: the graphics adapter and the output.
+/// Command-line flags for the graphics adapter and for the form of the printed output.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct RunFlags {
     /// Print the render plan: which work runs, which is skipped, and why
@@ -27,21 +27,21 @@ pub struct RunFlags {
 }
 
 layer! {
-/// All settings that a scene file can hold: a scene, and flags about the run.
+/// All settings that a scene file can hold: those of a scene, and flags for graphics adapter and output.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct SceneRequest {
-    /// Settings of the scene.
+    /// Settings of the scene, such as its volume, transfer function, camera and lights.
     #[command(flatten)]
     #[serde(flatten)]
     pub settings: SceneSettings,
-    /// Command-line flags about the run, such as the graphics adapter.
+    /// Command-line flags for the graphics adapter and for the form of the printed output.
     #[command(flatten)]
     #[serde(flatten)]
     pub run: RunFlags,
 }
 }
 
-/// Command-line flags that all commands share, and the scene files below them.
+/// Command-line flags that all commands share, and the paths of scene files whose settings they override.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
     /// Command-line flags that are also keys of scene files.
@@ -54,7 +54,7 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// Combines the command-line flags with the scene file, if one is given; flags win.
+    /// Combines the command-line flags with the settings of the scene file, if one is given. Flags win over the file.
     ///
     /// # Errors
     /// The scene file cannot be read, or there is more than one.
@@ -65,8 +65,8 @@ impl SceneArgs {
         Ok(self.into_requests()?.swap_remove(0))
     }
 
-    /// Combines the command-line flags with each scene file in turn; flags win. Without scene files it returns the
-    /// flags alone.
+    /// Combines the command-line flags with the settings of each scene file in turn. Flags win over a file; without
+    /// scene files it returns the flags alone.
     ///
     /// # Errors
     /// A scene file cannot be read.

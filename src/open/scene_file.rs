@@ -1,4 +1,5 @@
-//! Scene files: [`SceneRequest`] as TOML. The value of a key is parsed like that of the flag with the same name.
+//! Scene files: settings of a scene ([`SceneRequest`]) as TOML. The value of a key has the syntax of the command-line
+//! flag with the same name.
 
 use super::layer::Layer;
 use super::presets::PRESETS;
@@ -13,10 +14,10 @@ use toml::{Table, Value};
 const WHAT: &str = "cannot read scene file";
 
 impl SceneRequest {
-    /// Reads a scene file (TOML). A relative path means a file beside the scene file, or else in the working folder.
+    /// Reads a scene file (TOML). A relative path in it means a file beside the scene file, or else in the working
+    /// folder.
     ///
-    /// # Errors
-    /// The file cannot be read, is not TOML, or has an unknown key or a value out of range.
+    /// # Errors The file cannot be read, is not TOML, or has an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
         let mut request = Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -46,7 +47,7 @@ impl SceneRequest {
         Self::from_table(&table)
     }
 
-    /// Reads the keys of a parsed scene file.
+    /// Reads the settings of a scene from the keys of a parsed scene file.
     ///
     /// # Errors
     /// An unknown key, or a value out of range; the place is the key.
@@ -64,7 +65,7 @@ impl SceneRequest {
         })
     }
 
-    /// Parses the value of a scene file's key with the flag of that name.
+    /// Parses the value of a key in a scene file with the parser of the command-line flag of that name.
     fn from_key(key: &str, value: &Value) -> Result<Self, String> {
         let command = Self::augment_args(clap::Command::new("scene")).no_binary_name(true);
         let arg = command.get_arguments().find(|arg| arg.get_id() == key).ok_or("unknown key")?;
@@ -90,7 +91,7 @@ impl SceneRequest {
         })
     }
 
-    /// Returns every key of scene files, with the help text of its flag.
+    /// Returns every key of scene files with the help text of the command-line flag of that name.
     pub fn keys() -> Vec<(String, String)> {
         let command = Self::augment_args(clap::Command::new("scene"));
         let help = |a: &clap::Arg| a.get_help().map_or_else(String::new, ToString::to_string);
@@ -108,7 +109,7 @@ impl SceneSettings {
     }
 }
 
-/// Converts a TOML value to the text that its command-line flag takes.
+/// Converts a TOML value of a scene file to the text that the command-line flag of the same name takes.
 fn flag_text(value: &Value) -> Result<String, String> {
     match value {
         Value::String(text) => Ok(text.clone()),
@@ -121,7 +122,7 @@ fn flag_text(value: &Value) -> Result<String, String> {
     }
 }
 
-/// Returns the reason of a command-line error of clap, in one line.
+/// Returns the reason of a command-line parsing error of clap, in one line.
 pub fn flag_error(e: &clap::Error) -> String {
     let message = e.to_string();
     let reason = message.split("\n\n").next().unwrap_or_default();
@@ -144,7 +145,7 @@ mod tests {
         toml::to_string(request).unwrap()
     }
 
-    /// Example values of flags; values that only few flags accept come first.
+    /// Example values of command-line flags for the tests; values that only few flags accept come first.
     const TEXTS: &[&str] = &[
         "2x2x2:u8",
         "auto",
@@ -186,7 +187,7 @@ mod tests {
         "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
     ];
 
-    /// Returns every setting's key with two different values, parsed from `--key=value`.
+    /// Returns every key of scene files with two different values, parsed from `--key=value`.
     fn two_of_each() -> Vec<(String, [SceneRequest; 2])> {
         let command = CommandLine::command();
         let keys =

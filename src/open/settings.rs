@@ -1,4 +1,4 @@
-//! Settings of a scene ([`SceneSettings`]), shared by command line, scene files and window.
+//! Settings of a scene ([`SceneSettings`]), which command line, scene files and window share.
 
 use super::layer::{Layer, layer};
 use super::masking::MaskFlags;
@@ -16,7 +16,7 @@ use clap::Args;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
 
-/// Default volume, a built-in one.
+/// Volume that is shown if the user gives none, a built-in one.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
 
 layer! {
@@ -145,7 +145,7 @@ fn display<S: Serializer>(spec: &Option<MethodSpec>, serializer: S) -> std::resu
     spec.as_ref().map(ToString::to_string).serialize(serializer)
 }
 
-/// Serializes a single light of a scene as a string, and several lights as a list.
+/// Serializes the lights of a scene: a single light as a string, and several lights as a list.
 fn one_or_list<S: Serializer>(
     lights: &Option<Vec<LightSource>>,
     serializer: S,
@@ -157,7 +157,7 @@ fn one_or_list<S: Serializer>(
 }
 
 impl SceneSettings {
-    /// Creates default scene settings for a volume.
+    /// Creates the default scene settings for a volume specification.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
         Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
     }
@@ -183,12 +183,13 @@ impl SceneSettings {
         self.method_spec().method()
     }
 
-    /// Requested units and extinction factor of the scene's transfer function.
+    /// Units of the volume's values and factor on the transfer function's extinction that the scene's settings
+    /// request.
     pub fn suiting(&self) -> Suiting {
         Suiting { units: self.units, opacity_scale: self.opacity_scale }
     }
 
-    /// Optimizations that the user disables with `--no-skip`.
+    /// Rendering optimizations that the user disables with the flag `--no-skip`.
     pub fn disabled_optimizations(&self) -> DisabledOptimizations {
         self.no_skip.unwrap_or_default()
     }
@@ -198,8 +199,8 @@ impl SceneSettings {
         self.background == Some(Background::None)
     }
 
-    /// Returns the scene's settings with all defaults written out, for a file that stays valid when defaults change.
-    /// Given settings win over those of `scene`.
+    /// Returns the scene's settings with all defaults written out, so that a saved file keeps its meaning when
+    /// defaults change. Settings that the user gave win over those of `scene`.
     #[must_use]
     pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Self {
         let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self);
@@ -215,11 +216,10 @@ impl SceneSettings {
         all
     }
 
-    /// Creates a scene whose camera frames the visible bounds of the volume. It has no opaque objects; [`Self::load`]
-    /// reads them.
+    /// Creates a scene from these settings, with a camera that by default frames `bounds`, the visible part of the
+    /// volume. The scene has no opaque objects; [`Self::load`] reads them.
     ///
-    /// # Errors
-    /// Too many lights, or a camera without direction: eye at the target, or up along the view.
+    /// # Errors There are too many lights, or the camera has no direction: eye at the target, or up along the view.
     pub fn scene(&self, bounds: &VisibleBounds) -> Result<Scene> {
         let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
@@ -242,8 +242,7 @@ impl SceneSettings {
         })
     }
 
-    /// Returns the settings that describe a volume and a scene; it is the inverse of [`Self::spec`] and
-    /// [`Self::scene`].
+    /// Returns the settings that describe a volume and a scene, the inverse of [`Self::spec`] and [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
         let Scene { camera, ambient, shading, background, step, skip, width, height, .. } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
@@ -270,10 +269,9 @@ impl SceneSettings {
         self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))
     }
 
-    /// Returns an error if the scene has several lights, for a command that supports only one.
+    /// Returns an error if the scene has several lights, for a command that supports only one light.
     ///
-    /// # Errors
-    /// There is more than one.
+    /// # Errors The scene has more than one light.
     pub fn one_light(&self, command: &str) -> Result<()> {
         self.check_light_count(1, &format!("`{command}` takes one"))
     }

@@ -52,10 +52,10 @@ pub fn lacks_thickness(source: &str) -> bool {
     !source.starts_with("phantom:") && format().is_some_and(|format| !format.has_thickness)
 }
 
-/// Reads a strand file, or builds `phantom:hair-NAME[:SEGMENTS]`. A given diameter (mm) replaces those of the file.
+/// Reads a strand file, or builds the set `phantom:hair-NAME[:SEGMENTS]`. A given diameter (mm) replaces those of the
+/// file.
 ///
-/// # Errors
-/// The file cannot be read, the name is unknown, or nothing says how thick the strands are.
+/// # Errors The file cannot be read, the name is unknown, or neither file nor caller gives a diameter.
 pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) -> Result<Strands> {
     let strands = match source.strip_prefix("phantom:") {
         Some(name) => {

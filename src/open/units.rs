@@ -1,13 +1,14 @@
-//! Interprets a volume's values: Hounsfield units or not, with the reason.
+//! Decides whether a volume's values are Hounsfield units (HU), and gives the reason.
 //!
-//! The file's metadata come first, then the distribution of the values. The stored type says nothing.
+//! The file's metadata decide first, then the distribution of the values. The stored number type is ignored, except
+//! for rescaled 8-bit values.
 
 use crate::strands::STRANDS_FORMAT;
 use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use serde::Serialize;
 
-/// Interpretation of a volume's values that the user can request with `--units`.
+/// Interpretation of a volume's values that the user can request with `--units`: HU, or fractions of their range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -31,7 +32,7 @@ pub enum ValueKind {
 }
 
 impl ValueKind {
-    /// Name of the kind of values in messages.
+    /// Name of the kind of a volume's values (HU, 1/mm or neither) in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hounsfield => "HU",
@@ -41,39 +42,39 @@ impl ValueKind {
     }
 }
 
-/// Interpretation of a volume's values, with the reason for it.
+/// Interpretation of a volume's values as HU, extinction or neither, with the reason for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Meaning {
-    /// Kind of the volume's values.
+    /// Kind of the volume's values: HU, extinction or neither.
     pub kind: ValueKind,
     /// Reason for the interpretation of the volume's values, in a few words.
     pub why: String,
-    /// Whether the interpretation was guessed from the volume's values alone.
+    /// Whether the kind of the values was guessed from the volume's values alone.
     pub is_guess: bool,
-    /// Whether the volume has values of air: below -500, less than any tissue except lung.
+    /// Whether the volume has values of air: some below -500 HU. No tissue except lung has such values.
     pub has_air: bool,
 }
 
-/// HU of air, and half the width of the interval around it that counts as air.
+/// HU of air, and half the width of the interval around it in which values count as air.
 const AIR_HU: f64 = -1000.0;
 const AIR_WIDTH: f64 = 100.0;
-/// Smallest share of air among a volume's voxels for values to be HU, and smallest ratio of the histogram's density
-/// at air to its mean density.
+/// Criteria by which a volume's values are taken as HU: smallest share of voxels that are air, and smallest ratio of
+/// the histogram's density at air to its mean density.
 const AIR_SHARE: f64 = 0.01;
 const AIR_DENSITY: f64 = 3.0;
-/// HU below which a voxel is air; no tissue except lung has lower values.
+/// HU below which a voxel counts as air; no tissue except lung has lower values.
 const AIR_BELOW_HU: f64 = -500.0;
-/// Width of the value range up to which values are not taken as HU but as 8-bit or normalised data.
+/// Width of a volume's value range up to which its values are taken as 8-bit or normalised data instead of HU.
 const MIN_HU_WIDTH: f64 = 300.0;
-/// Range of possible HU: the 16-bit values of a scanner.
+/// Range of possible HU in a volume: the 16-bit values of a scanner.
 const PLAUSIBLE_HU: [f64; 2] = [-32768.0, 32767.0];
-/// Lowest value, HU, that scanners use for padding outside the scanned region.
+/// Lowest value, HU, that CT scanners use for padding outside the scanned region.
 const PADDING_HU: f64 = -3100.0;
-/// Range of HU of water, fat, muscle and blood, and the smallest share of such voxels that identifies a cropped scan
-/// without air around the body.
+/// Range of HU of water, fat, muscle and blood, and the smallest share of voxels in this range that identifies a CT
+/// scan without air around the body.
 const SOFT_HU: [f64; 2] = [-150.0, 250.0];
 const SOFT_SHARE: f64 = 0.3;
-/// Limits, HU, of the window to which a CT file may scale 8-bit values.
+/// Limits, HU, of the range to which a CT file may rescale 8-bit values.
 const WINDOW_HU: [f64; 2] = [-1100.0, 4100.0];
 /// Largest number of voxels that are examined to guess the units of a volume's values.
 const MOST_LOOKED_AT: usize = 1 << 20;
@@ -84,7 +85,7 @@ pub fn of_strands(volume: &Volume) -> bool {
 }
 
 impl Meaning {
-    /// Interprets a volume's values; units that the user requests win.
+    /// Decides what a volume's values mean (HU, extinction or neither); the user's choice wins.
     pub fn of(volume: &Volume, requested: Option<Units>) -> Self {
         let [low, high] = volume.value_range();
         let has_air = low < AIR_BELOW_HU;
@@ -136,8 +137,8 @@ impl Meaning {
         self.kind == ValueKind::Hounsfield
     }
 
-    /// Describes the kind of the volume's values and the reason in one line; for a guess it adds the flag that
-    /// overrides it.
+    /// Describes the kind of the volume's values and the reason in one line. If the kind is a guess, the text adds
+    /// the flag that overrides it.
     pub fn text(&self) -> String {
         let other = if self.is_hounsfield() { "fraction" } else { "hu" };
         let way = if self.is_guess { format!("; --units {other} says otherwise") } else { String::new() };
@@ -152,7 +153,7 @@ struct ValueSummary {
 }
 
 impl ValueSummary {
-    /// Examines voxels that are evenly spread over the volume.
+    /// Computes the shares of air and soft tissue from voxels that are evenly spread over the volume.
     fn of(volume: &Volume) -> Self {
         let scaling = volume.scaling();
         let [mut air, mut soft] = [0usize; 2];
@@ -175,7 +176,7 @@ impl ValueSummary {
     }
 }
 
-/// Share of the interval of HU around air that lies within the volume's value range.
+/// Fraction of the HU interval of air that lies within the volume's value range `[low, high]`.
 fn near_air(low: f64, high: f64) -> f64 {
     let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
     ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
@@ -188,7 +189,8 @@ mod tests {
     use glam::DAffine3;
     use ndarray::Array3;
 
-    /// Test volume of 20 x 20 x 20 voxels; `value` gets each voxel's position as a fraction in `[0, 1)`.
+    /// Creates a test volume of 20 x 20 x 20 voxels; `value` gets each voxel's storage index divided by the number of
+    /// voxels.
     fn volume(value: impl Fn(f64) -> f64) -> Volume {
         let values =
             Array3::from_shape_fn((20, 20, 20), |(k, j, i)| value(((k * 20 + j) * 20 + i) as f64 / 8000.0));

@@ -1,4 +1,4 @@
-//! Parsers of the values of command-line flags. An error is the reason, in one line.
+//! Parsers for the values of command-line flags. Each returns an error as a reason in one line.
 
 use crate::files::color;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
@@ -13,7 +13,7 @@ const MAX_COORDINATE: f64 = 1e9;
 /// Length of the shortest direction vector that flags accept.
 const MIN_DIRECTION: f64 = 1e-9;
 
-/// Deviation of a vector's squared length from 1 up to which it counts as normalised.
+/// Deviation of a vector's squared length from 1 up to which the vector counts as normalised.
 const ROUNDING: f64 = 1e-14;
 
 /// Largest width and height of a picture, pixels; a common limit of 2-D textures.
@@ -77,7 +77,7 @@ fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Returns a parser of numbers within a range.
+/// Returns a parser of numbers that accepts only those within a range.
 pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     move |text| match number(text)? {
         x if range.contains(&x) => Ok(x),
@@ -102,7 +102,8 @@ pub fn point(text: &str) -> Result<DVec3, String> {
     Ok(v)
 }
 
-/// Parses a direction `x,y,z` and normalises it. A vector of unit length stays unchanged to the last bit.
+/// Parses a direction `x,y,z` and normalises it. A vector that already has unit length stays unchanged to the last
+/// bit.
 pub fn direction(text: &str) -> Result<DVec3, String> {
     let v = point(text)?;
     if v.length() < MIN_DIRECTION {
@@ -128,7 +129,8 @@ pub fn light(text: &str) -> Result<LightSource, String> {
     Ok(LightSource { light, color, intensity: intensity.map_or(Ok(white.intensity), light_intensity)? })
 }
 
-/// Splits a flag's text into a name and the values of the known keys after it, each `,KEY=VALUE`.
+/// Splits a flag's text such as `FILE,color=#rrggbb` into the name before the first key and the values of the known
+/// keys.
 pub(super) fn with_keys<'a, const N: usize>(
     text: &'a str,
     keys: [&str; N],
@@ -152,7 +154,7 @@ pub(super) fn with_keys<'a, const N: usize>(
     Ok((name, values))
 }
 
-/// Largest intensity of a light: sums of larger ones lose dim lights in float32.
+/// Largest accepted intensity of a light: in float32 sums with a larger one, dim lights would be lost.
 pub const MOST_INTENSITY: f64 = 1e6;
 
 /// Parses the intensity of a light, 0 or more.

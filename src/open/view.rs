@@ -1,4 +1,5 @@
-//! Camera of a scene: uses the given position and target, and frames the visible part of the volume otherwise.
+//! Computes the camera of a scene from position and target in its settings. By default the camera frames the visible
+//! part of the volume.
 
 use super::SceneSettings;
 use super::values::Size;
@@ -11,14 +12,14 @@ use glam::DVec3;
 /// anterior).
 const AWAY: DVec3 = DVec3::new(0.5, 0.8, 0.35);
 
-/// Sine of the angle between the view and up directions below which they count as parallel in 32-bit arithmetic.
+/// Sine of the angle between the camera's view and up directions below which they count as parallel, due to 32-bit
+/// rounding.
 const MIN_SINE: f64 = 1e-5;
 
 impl SceneSettings {
-    /// Computes the camera of a scene for a picture of this size.
+    /// Computes the camera of a scene for a given picture size.
     ///
-    /// # Errors
-    /// A camera without direction, or with two positions.
+    /// # Errors The camera has no direction, or both `--eye` and `--view` give its position.
     pub(super) fn camera(&self, bounds: &VisibleBounds, size: Size) -> Result<Camera> {
         let side = self.view;
         if side.is_some() && self.eye.is_some() {

@@ -1,14 +1,14 @@
 //! Built-in volumes (phantoms): analytic ones with known line integrals, and a CT-like chest (see [`thorax`]).
 //!
-//! The analytic volumes fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE), spacing `h = 64 / n` mm,
-//! centred: voxel `i` is at `x = (i - (n - 1) / 2) h`. Affines are rounded to `f32`, so a NIfTI file stores
-//! them exactly. With extinction `c s` (an extinction ramp through 0) for a value `s`:
+//! The analytic volumes fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE in `phantom:NAME:SIZE`).
+//! The spacing is `h = 64 / n` mm, and the centre of voxel `i` is at `x = (i - (n - 1) / 2) h`. Affines are rounded
+//! to `f32`, so a NIfTI file stores them exactly. Optical depths are for an extinction of `c s` at the value `s`:
 //!
-//! | name | value at a voxel centre | known |
+//! | name | value at a voxel centre | exact results |
 //! |---|---|---|
-//! | `slab` | 1000 on planes `k0 <= k < k1` across z, `k0 = n / 4` (rounded down), `k1 = n - k0`; else 0 | depth along z is `1000 c (k1 - k0) h`; values reach 500 at the planes `k0 - 1/2` and `k1 - 1/2` |
+//! | `slab` | 1000 on planes `k0 <= k < k1` across z, `k0 = n / 4` (rounded down), `k1 = n - k0`; else 0 | the optical depth along z is `1000 c (k1 - k0) h`; values reach 500 at the planes `k0 - 1/2` and `k1 - 1/2` |
 //! | `step` | 1000 from plane `i = n / 2` (rounded down) across x on; else 0 | values reach 500 at `i - 1/2`, which is `x = 0` for even `n` |
-//! | `comb` | 1000 on every fourth plane across z, `k % 4 = 2`; else 0 | with `m` such planes, depth along z is `1000 c m h`; above 500 every layer is `h` thick |
+//! | `comb` | 1000 on every fourth plane across z, `k % 4 = 2`; else 0 | with `m` such planes, the optical depth along z is `1000 c m h`; above 500 every layer is `h` thick |
 //! | `sphere` | `1000 (1 - r^2 / 32^2)`, `r` the distance from the centre in mm | the surface `s = v` is the sphere of radius `32 sqrt(1 - v / 1000)`; interpolation adds at most `3 h^2 / 4` to `r^2` and within each cell the field is exactly linear |
 //! | `shell` | `1000 max(0, 1 - |r - 20| / 8)` | above 500 it is the hollow ball `16 < r < 24` |
 //!
@@ -36,7 +36,7 @@ pub enum Phantom {
     Sphere,
     /// Phantom with a hollow ball.
     Shell,
-    /// Phantom with a half space: constant value from the middle of the x axis on, 0 before.
+    /// Phantom with a half space: a constant value from the middle of the x axis towards +x, and 0 elsewhere.
     Step,
     /// Phantom with thin layers perpendicular to z, and gaps between them.
     Comb,
@@ -75,7 +75,7 @@ impl Phantom {
         }
     }
 
-    /// Default number of voxels along the longest side of the phantom.
+    /// Default number of voxels along the longest side of the built-in volume (phantom).
     pub fn default_size(self) -> usize {
         match self {
             Self::Thorax => thorax::DEFAULT_SIZE,
@@ -83,8 +83,8 @@ impl Phantom {
         }
     }
 
-    /// Parses the name and size of a phantom, `NAME[:SIZE]`. For an unknown name, the error also lists the names in
-    /// `others`.
+    /// Parses the name and size of a phantom, `NAME[:SIZE]`. For an unknown name, the error lists all phantoms and
+    /// the names in `others`.
     ///
     /// # Errors
     /// No phantom has this name, or the size is not in `1..=1024`.
@@ -159,19 +159,20 @@ fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
 }
 
-/// Builds a cube of voxels that are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
+/// Builds a cubic volume whose voxels are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
 fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
     Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
 }
 
-/// Builds a cube of voxels of [`INSIDE`] times a function of the distance from the centre in mm.
+/// Builds a cubic volume whose values are [`INSIDE`] times a function of the distance from the centre in mm.
 fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
     let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
     let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
     Voxels::F32(cube(size, loading, value))
 }
 
-/// Builds a cube of voxels from a function of the index `[i, j, k]`; incomplete if `loading` was cancelled.
+/// Builds a cubic volume from a function of the voxel index `[i, j, k]`; the volume is incomplete if `loading` was
+/// cancelled.
 fn cube<T: Copy + Default + Send + Sync>(
     size: usize,
     loading: &Loading,

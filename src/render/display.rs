@@ -11,7 +11,7 @@ use crate::gpu::{Gpu, ShaderVariant, Slot, Span, texture, uniform_buffer, write_
 use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
 
-/// Uniform of a band of picture rows: `Band` of `shaders/render/display.wgsl`.
+/// Uniform of a band of picture rows that is encoded to sRGB: `Band` of `shaders/render/display.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct BandUniform {
@@ -20,7 +20,7 @@ struct BandUniform {
     pub padding: u32,
 }
 
-/// Texture of the picture that a window shows: sRGB-encoded, 8 bits per channel.
+/// Texture for the picture that the window shows: sRGB-encoded, 8 bits per channel.
 #[derive(Debug)]
 pub struct DisplayTexture {
     /// Device texture with the picture of a window.
@@ -63,7 +63,8 @@ impl DisplayTexture {
     }
 }
 
-/// Pacing of a picture that is drawn to the screen, while other threads use the device queue as well.
+/// Pacing for a picture in the window: it chooses the size of each submission, so that other threads can use the
+/// device in between.
 struct OnScreen<'a, G: FnMut() -> bool> {
     gpu: &'a Gpu,
     pace: &'a mut Pace,
@@ -88,14 +89,16 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
     }
 }
 
-/// Result of drawing a picture to the screen.
+/// Plan and times of a picture that was drawn to the screen.
 #[derive(Debug, Clone)]
 pub struct Drawn {
-    /// Plan of the drawn picture: which work was needed and which was skipped.
+    /// Plan of the drawn picture: the work that its scene needed, such as queries for transmittance, and the work
+    /// that was skipped.
     pub plan: Plan,
-    /// Time to cast the eye rays of the picture, including the search for its tiles on the host.
+    /// Time to cast the eye rays of the picture. It includes the projection of bricks to tiles of the picture on the
+    /// host.
     pub span: Span,
-    /// Longest time that one band of the picture took in the device queue, ms.
+    /// Longest time that the device needed for one submission of the picture, ms.
     pub longest_band_ms: f64,
 }
 
@@ -103,18 +106,18 @@ pub(super) fn shader() -> ShaderVariant {
     ShaderVariant::of("render/display.wgsl").constants(CONSTANTS)
 }
 
-/// Texture to which a picture for the screen is drawn, and the pace of drawing.
+/// Texture to which a picture for the screen is drawn, and the choice of the number of pixels per submission.
 pub struct Screen<'a> {
     /// Texture to which the picture is drawn.
     pub target: &'a DisplayTexture,
-    /// Pace of drawing: it chooses the number of pixels in each band of the picture.
+    /// Choice of the number of pixels in each submission of the picture, from the measured speed of drawing.
     pub pace: &'a mut Pace,
 }
 
 impl Renderer {
-    /// Draws a picture to the texture of a window, in bands that take about `pace.target_ms` each; `shadows` holds
-    /// the shadow maps of its lights. Returns `None` if `go_on` returned `false` after a band: the texture then is
-    /// partly drawn.
+    /// Draws a picture to the texture of a window, in bands of rows that take about `pace.target_ms` each; `shadows`
+    /// holds the shadow maps of its lights. Returns `None` if `go_on` returned `false` between two bands: the texture
+    /// then is partly drawn.
     ///
     /// # Errors
     /// The adapter cannot hold the picture, or the device is lost.

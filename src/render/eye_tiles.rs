@@ -1,5 +1,5 @@
-//! Tiles of a picture in which eye rays are cast, and their depth ranges, from the projection of active bricks
-//! (bricks with extinction).
+//! Tiles of a picture in which eye rays are cast, each with a depth range, from the projection of active bricks
+//! (blocks of cells with extinction).
 //!
 //! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find the start and end of each ray. Here the
 //! host projects the outer active bricks as spheres, and all rays of a tile share their bounds. Tiles of background
@@ -17,7 +17,7 @@ use glam::{DMat3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Tile of a picture on the device: `Tile` of `shaders/render/frame.wgsl`.
+/// Tile of a picture on the device, with the depth range of its eye rays: `Tile` of `shaders/render/frame.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(super) struct TileUniform {
@@ -26,34 +26,37 @@ pub(super) struct TileUniform {
     pub farthest_mm: f32,
 }
 
-/// Factor by which the bounding spheres of bricks are enlarged, for the float32 errors of eye rays.
+/// Factor by which the bounding spheres of bricks (blocks of voxel cells) are enlarged, for the float32 errors of eye
+/// rays.
 const ROUNDING: f64 = 1.01;
-/// Number of bricks that a thread projects into the picture per task.
+/// Number of bricks (blocks of voxel cells) that a thread projects into the picture as one parallel task.
 const LEAST_SHARE: usize = 1 << 13;
-/// Margin around the projection of a brick into the picture, in pixels.
+/// Margin around the projection of a brick (block of voxel cells) into the picture, in pixels.
 const PIXELS_AROUND: f64 = 1.0;
 
-/// Tiles of a picture, row by row, each with the depth range of its active bricks (bricks with extinction).
+/// Tiles of a picture, row by row, each with the depth range of its active bricks (blocks of cells with extinction).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct EyeTiles {
     across: u32,
-    /// Smallest and largest depth (mm) of the bricks with extinction in each tile of the picture, measured from the
-    /// plane of the picture frame. The smallest exceeds the largest in an empty tile.
+    /// Smallest and largest depth (mm) of the bricks with extinction in each tile of the picture, along the view
+    /// direction. Depths count from the plane through the volume's centre; the smallest exceeds the largest in an
+    /// empty tile.
     depths: Vec<[f32; 2]>,
-    /// Depth range of bricks that cover all tiles of the picture, before it is merged into the tiles.
+    /// Depth range of those bricks that cover all tiles of the picture, kept apart until it is merged into the range
+    /// of every tile.
     everywhere: [f32; 2],
 }
 
-/// Returns the union of two depth ranges.
+/// Returns the union of the depth ranges of two picture tiles.
 fn widened(own: [f32; 2], other: [f32; 2]) -> [f32; 2] {
     [own[0].min(other[0]), own[1].max(other[1])]
 }
 
 const NOTHING: [f32; 2] = [FAR, -FAR];
-/// Number of levels of a mesh's bounding volume hierarchy down to the boxes that are projected: 64 boxes.
+/// Level of a mesh's bounding volume hierarchy whose boxes are projected into the picture; it has up to 64 boxes.
 const MESH_LEVELS: usize = 6;
 
-/// Returns the tiles along one side of the picture that a range of pixels touches.
+/// Returns the columns or rows of picture tiles that a range of pixels touches, with a margin.
 fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
     let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
     if hi < 0.0 || lo >= size {
@@ -64,7 +67,7 @@ fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
 }
 
 impl EyeTiles {
-    /// Returns all tiles of a picture, with unlimited depth ranges.
+    /// Returns all tiles of a picture, each with an unlimited depth range of its eye rays.
     pub fn all(scene: &Scene) -> Self {
         Self::filled(scene, [-FAR, FAR])
     }
@@ -74,8 +77,8 @@ impl EyeTiles {
         Self { across, depths: vec![depths; across as usize * down as usize], everywhere: NOTHING }
     }
 
-    /// Finds the tiles of a picture in which active bricks (bricks with extinction) may be visible. Depths count from
-    /// a plane across the view at `plane_mm` from the eye.
+    /// Finds the tiles of a picture in which active bricks (blocks of cells with extinction) may be visible, and
+    /// their depth ranges. Depths count from a plane across the view at `plane_mm` from the eye.
     pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
         let frame = scene.camera.frame();
         let grid_from_world = grid_from_world(volume);
@@ -127,7 +130,7 @@ impl EyeTiles {
         tiles
     }
 
-    /// Returns the union of two sets of picture tiles.
+    /// Returns the union of two sets of picture tiles, with the union of the depth ranges in each tile.
     fn with(mut self, other: Self) -> Self {
         for (own, other) in self.depths.iter_mut().zip(other.depths) {
             *own = widened(*own, other);
@@ -136,7 +139,8 @@ impl EyeTiles {
         self
     }
 
-    /// Extends the depth ranges of all picture tiles that a rectangle of pixels touches.
+    /// Extends the depth ranges of all picture tiles that a rectangle of pixels touches, by the depth range of a
+    /// brick.
     fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
         let (columns, rows) = (tiles_of(columns, size[0]), tiles_of(rows, size[1]));
         if columns.len() * rows.len() == self.depths.len() {
@@ -186,13 +190,13 @@ impl EyeTiles {
         self
     }
 
-    /// Returns the number of all tiles of the picture, and the number of empty ones.
+    /// Returns the number of all tiles of the picture, and the number of tiles in which nothing is visible.
     pub fn counts(&self) -> [usize; 2] {
         [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]
     }
 
-    /// Returns the tiles in a rectangle of the picture, and the number of tiles in which eye rays are cast, which
-    /// come first. The rectangle is in pixels and starts at the corner of a tile.
+    /// Returns the tiles in a rectangle of the picture (in pixels), and the number of tiles in which eye rays are
+    /// cast. These tiles come first; the rectangle starts at the corner of a tile.
     pub fn part(
         &self,
         [column, row]: [u32; 2],

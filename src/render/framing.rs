@@ -1,4 +1,4 @@
-//! Camera framing: the visible bounds of a volume, and the camera whose picture they fill.
+//! Camera framing: computes the bounds of all that is visible of a volume, and a camera whose picture they fill.
 
 use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
@@ -8,22 +8,25 @@ use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
 
-/// Margin between the visible bounds and the edge of the picture, as a share of half the picture's size.
+/// Margin between the projected visible bounds of a volume and the edge of the picture, as a share of half the
+/// picture's size.
 const MARGIN: f64 = 0.05;
-/// Smallest distance of the eye from the visible bounds, as a share of their depth.
+/// Smallest distance of the eye from the nearest visible point of a volume, relative to the extent of the visible
+/// bounds along the view direction.
 const BEFORE: f64 = 0.1;
 
-/// Visible bounds of a volume: they contain all cells with extinction and the opaque mesh, or the whole domain if
-/// there is neither. They do not depend on how a picture is drawn.
+/// Visible bounds of a volume: the cells with extinction and the opaque mesh, or the whole domain if there is
+/// neither. They do not depend on the camera or the shading.
 #[derive(Debug)]
 pub struct VisibleBounds {
     volume: Arc<Volume>,
-    /// Bricks with extinction that touch a brick without. All other bricks with extinction lie between them.
+    /// Bricks (blocks of voxel cells) with extinction next to a brick without, or at the border of the volume. They
+    /// enclose all other bricks with extinction.
     outer: Vec<IVec3>,
-    /// Intervals of voxel values with extinction, for each transfer function that labels select.
+    /// Intervals of voxel values with extinction, for each transfer function that segmentation labels use.
     intervals: Vec<Vec<[f64; 2]>>,
-    /// Index of the transfer function of each label, in the order of the volume's labels; `None`: the label is
-    /// hidden.
+    /// Index of the transfer function for each segmentation label, in the order of the volume's labels; `None`: the
+    /// label is hidden.
     functions: Vec<Option<usize>>,
     /// Clip planes in voxel index coordinates; the side with `normal · p >= offset` remains visible.
     planes: Vec<(DVec3, f64)>,
@@ -32,7 +35,7 @@ pub struct VisibleBounds {
 }
 
 impl VisibleBounds {
-    /// Computes the visible bounds of a volume under a transfer function, with an optional opaque mesh in it.
+    /// Computes the visible bounds of a volume under a transfer function, together with an optional opaque mesh.
     pub fn of(volume: &Arc<Volume>, tf: &TransferFunction, mesh: Option<&Arc<Mesh>>) -> Self {
         let active = ActiveBricks::of(volume.bricks(), tf);
         let to_world = |index: DVec3| volume.world_from_index().transform_point3(index);
@@ -65,7 +68,7 @@ impl VisibleBounds {
         }
     }
 
-    /// Returns the bounds of the whole domain of a volume, visible or not.
+    /// Returns bounds that contain the whole domain of a volume, whether it is visible or not.
     pub fn whole(volume: &Arc<Volume>) -> Self {
         let center_mm = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
         let (intervals, functions, planes) = (Vec::new(), Vec::new(), Vec::new());
@@ -73,17 +76,18 @@ impl VisibleBounds {
         Self { volume, outer: Vec::new(), intervals, functions, planes, mesh: None, center_mm }
     }
 
-    /// Returns the volume to which the visible bounds belong.
+    /// Returns the volume whose visible bounds these are.
     pub fn volume(&self) -> &Volume {
         &self.volume
     }
 
-    /// Returns the centre of the box around the visible part of the volume, to within a brick; world mm.
+    /// Returns the centre of the bounding box of all that is visible of the volume and the mesh, world mm. Its error
+    /// is at most the size of a brick (block of voxel cells).
     pub fn center_mm(&self) -> DVec3 {
         self.center_mm
     }
 
-    /// Returns the camera that looks from the side `away` and shows all of the visible bounds, from as close as
+    /// Returns a camera that looks from the side `away` and shows all of the visible bounds, from as close as
     /// possible. The picture is `aspect` times as wide as high; a small margin remains at the edges that the bounds
     /// reach.
     pub fn framed(&self, away: DVec3, up: DVec3, fov_deg: f64, aspect: f64) -> Camera {
@@ -107,8 +111,8 @@ impl VisibleBounds {
         Camera { eye, target, up, fov_deg }
     }
 
-    /// Returns how far the visible bounds reach along `direction`: the largest dot product of a visible world point
-    /// with it, to within a cell.
+    /// Returns the largest dot product of a visible world point with `direction`, with an error of at most one voxel
+    /// cell.
     fn furthest(&self, direction: DVec3) -> f64 {
         let of_mesh = self.mesh.as_ref().map_or(f64::NEG_INFINITY, |mesh| {
             mesh.triangles().iter().flatten().map(|p| p.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
@@ -147,8 +151,8 @@ impl VisibleBounds {
         if furthest.is_finite() { furthest } else { of_bricks }
     }
 
-    /// Whether a cell of the volume may be visible: it has a value with extinction, of a label that is shown, and no
-    /// clip plane removes the whole cell.
+    /// Whether a cell of the volume may be visible: it has a value with extinction, its segmentation label is shown,
+    /// and no clip plane removes the whole cell.
     fn has_extinction(&self, cell: IVec3) -> bool {
         let last = IVec3::from_array(self.volume.dims().map(|n| n as i32 - 1));
         if cell.cmpgt(last + 1).any() {
@@ -188,8 +192,8 @@ fn cells_of(brick: IVec3) -> impl Iterator<Item = IVec3> {
         .map(move |i| side * brick + IVec3::new(i % side, i / side % side, i / (side * side)))
 }
 
-/// Returns the box of `side` cells along each axis, starting at `cell`, in voxel index coordinates and clipped to the
-/// volume.
+/// Returns the box of `side` voxel cells along each axis, starting at `cell`, in voxel index coordinates and clipped
+/// to the volume.
 fn cells_box(cell: IVec3, side: i32, dims: [i32; 3]) -> [DVec3; 2] {
     // Cell c spans [c - 1, c].
     let end = DVec3::from_array(dims.map(|n| f64::from(n) - 0.5));
@@ -204,7 +208,7 @@ mod tests {
     use glam::{DAffine3, DMat3};
     use ndarray::Array3;
 
-    /// Returns a test volume on an oblique grid: 1 inside a box of voxels, 0 around it.
+    /// Returns a test volume on an oblique grid, with value 1 inside a box of voxels and 0 around it.
     fn boxed(lo: [usize; 3], hi: [usize; 3]) -> Arc<Volume> {
         let inside =
             |(k, j, i): (usize, usize, usize)| (0..3).all(|a| (lo[a]..=hi[a]).contains(&[i, j, k][a]));
@@ -215,7 +219,8 @@ mod tests {
         Arc::new(Volume::new(Voxels::U8(values), Scaling::IDENTITY, affine, provenance).unwrap())
     }
 
-    /// Returns the range of picture positions (-1 to 1 along both axes) that the box of cells with extinction covers.
+    /// Returns the range of picture coordinates (-1 to 1 along both axes) that the box of cells with extinction
+    /// covers.
     fn reaches(
         volume: &Volume,
         lo: [usize; 3],

@@ -1,4 +1,4 @@
-//! Lights of a picture: their shadow maps, and one rendering pass over the picture per light.
+//! Lights of a picture: the shadow map of each light, and one rendering pass over the picture per light.
 
 use crate::error::{Error, Result};
 use crate::scene::{LightSource, Scene};
@@ -9,7 +9,7 @@ use crate::shadow::ShadowMap;
 pub struct LightMaps<'a>(Vec<&'a ShadowMap>);
 
 impl<'a> LightMaps<'a> {
-    /// Returns the shadow maps in the order of the scene's lights.
+    /// Returns the shadow maps, one per light that is not black, in the order of the scene's lights.
     pub fn maps(&self) -> &[&'a ShadowMap] {
         &self.0
     }
@@ -52,24 +52,25 @@ impl<'a> From<&'a Vec<ShadowMap>> for LightMaps<'a> {
     }
 }
 
-/// Rendering pass over a picture that adds one light, or several lights with equal shading and shadows.
+/// Rendering pass over a picture that adds one light, or at once several lights for which shading and shadows are
+/// equal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LightPass {
     /// Index of the light's shadow map among the shadow maps of the picture.
     pub map: usize,
-    /// Linear RGB of the light that reaches an unshadowed point; `None` for a single white light of intensity 1,
-    /// whose picture needs no factor and no sum.
+    /// Linear RGB of the light that reaches an unshadowed point. `None` for a single white light of intensity 1, so
+    /// that the shader needs no factor.
     pub radiance: Option<[f64; 3]>,
 }
 
 impl LightPass {
-    /// Returns the rendering pass of a picture that needs only one, with the given linear RGB of the light.
+    /// Returns the only rendering pass of a picture, for a light of the given linear RGB.
     fn only(radiance: [f64; 3]) -> Self {
         Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
     }
 
-    /// Returns the rendering passes of a picture, at least one. `depends_on_light` says whether shading and shadows
-    /// differ between lights.
+    /// Returns the rendering passes of a picture, one per light or a single one for all lights. `depends_on_light`
+    /// says whether shading or shadows differ between lights.
     pub fn all(scene: &Scene, depends_on_light: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {

@@ -9,10 +9,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Placeholder for the triangle number in a node of a mesh's bounding volume hierarchy that holds no triangle.
+/// Marker in a node of a mesh's bounding volume hierarchy without a triangle, in place of the triangle's index.
 const NO_TRIANGLE: u32 = u32::MAX;
-/// Margin of the boxes of a bounding volume hierarchy, for the float32 errors of rays. It is relative to the largest
-/// coordinate: 2^-19.
+/// Margin around the boxes of a mesh's bounding volume hierarchy, for the float32 errors of rays. It is relative to
+/// the largest coordinate: 2^-19.
 const ROUNDING: f64 = 1.0 / 524_288.0;
 
 /// Node of a mesh's bounding volume hierarchy on the device: `Node` of `shaders/render/mesh/tree.wgsl`.
@@ -35,12 +35,13 @@ struct Triangle {
     color: [f32; 4],
 }
 
-/// Cache of the last mesh's bind group, with the volume grid in which the mesh was drawn.
+/// Cache of the bind group of the last mesh, with the grid of the volume in whose coordinates the mesh is stored.
 #[derive(Default)]
 pub(super) struct MeshCache(Mutex<Option<(Arc<Mesh>, DAffine3, Group)>>);
 
 impl MeshCache {
-    /// Returns bind group 3, which holds a triangle mesh in the grid space of a volume.
+    /// Returns bind group 3, which holds the triangles of a mesh in the grid space of a volume (voxel index plus
+    /// one).
     ///
     /// # Errors
     /// The adapter cannot bind so many triangles.

@@ -28,9 +28,9 @@ pub use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Opti
 use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;
 
-/// Returns the shaders of the render module for one kind of shadow query (or none), for tests. They are the ray
-/// casters of all plans; with a query, also its shader for single points; without one, also those for the background
-/// and the screen.
+/// Returns all shaders of the render module for one kind of shadow query (or none), for tests. They are the ray
+/// casters of all plans. With a query, the shader for single points is added; without one, the shaders for background
+/// and screen.
 pub fn shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = plan::raycast_shaders(lookup);
     list.extend(lookup.map(query::shader));

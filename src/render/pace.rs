@@ -1,16 +1,17 @@
-//! Chooses the number of pixels per submission of a picture, so that one submission takes about the intended time.
+//! Pacing of a picture: chooses the number of pixels per submission to the device, so that one submission takes about
+//! the intended time.
 
 use crate::gpu::Span;
 
-/// Choice of the number of pixels that each submission of a picture draws.
+/// Pacing of a picture: the choice of the number of pixels in each submission to the device.
 pub(crate) trait Pacing {
-    /// Returns the number of pixels that the next submission draws; `None` ends the drawing of the picture.
+    /// Returns the number of pixels for the next submission of a picture; `None` ends the drawing of the picture.
     fn pixels_next(&mut self) -> Option<u32>;
-    /// Records the duration of a submission that drew `pixels` pixels.
+    /// Records the duration of a submission that drew `pixels` pixels of a picture.
     fn took(&mut self, pixels: u32, span: Span);
 }
 
-/// Pacing that draws a picture in one submission, if the adapter can bind the whole picture.
+/// Pacing that draws a whole picture in one submission to the device, if the adapter can bind a picture of this size.
 pub(crate) struct AtOnce;
 
 impl Pacing for AtOnce {
@@ -32,29 +33,31 @@ impl Pacing for Pace {
     }
 }
 
-/// Longest duration of one submission of a picture, and the measured speed of earlier submissions.
+/// Pacing of a picture from the measured speed of earlier submissions, so that one submission takes about the
+/// intended time.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
-    /// Longest duration of one submission of a picture, ms.
+    /// Intended duration of one submission of a picture, ms.
     pub target_ms: f64,
-    /// Speed of drawing in pixels per millisecond over whole pictures, empty regions included.
+    /// Speed of drawing pictures in pixels per millisecond, averaged over whole pictures with their empty regions.
     pixels_per_ms: f64,
-    /// Speed of the slowest band of rows in pixels per millisecond, in the previous picture and in this one.
+    /// Speed of drawing the slowest band of picture rows, in pixels per millisecond: in the previous picture and in
+    /// this one.
     slowest_before: f64,
     slowest_now: f64,
     pixels: f64,
     ms: f64,
 }
 
-/// Largest factor by which the measured speed of the slowest band of rows rises from one band to the next.
+/// Largest factor by which the speed assumed for the slowest band of picture rows rises from one band to the next.
 const RECOVERY: f64 = 1.25;
-/// Shortest duration of a band of rows whose speed is measured, ms. A shorter band spends most of its time on the
-/// submission.
+/// Shortest duration of a band of picture rows whose drawing speed is measured, ms. A shorter band spends most of its
+/// time on the submission.
 const SHORTEST_BAND_MS: f64 = 4.0;
 
 impl Pace {
-    /// Creates the pace of drawing for submissions of about `target_ms`. It starts with small bands, until the speed
-    /// of the adapter is measured.
+    /// Starts pacing for submissions of about `target_ms`. The first bands of picture rows are small, until the
+    /// drawing speed of the adapter is measured.
     pub fn new(target_ms: f64) -> Self {
         let rate = 500.0;
         Self {
@@ -67,12 +70,12 @@ impl Pace {
         }
     }
 
-    /// Returns the speed of drawing in the last pictures, in pixels per millisecond.
+    /// Returns the average speed of drawing in the last pictures, in pixels per millisecond.
     pub fn pixels_per_ms(&self) -> f64 {
         self.pixels_per_ms
     }
 
-    /// Begins a picture with the speeds that were measured in the last one.
+    /// Begins a picture, and takes over the drawing speeds that were measured in the last picture.
     pub(super) fn begin(&mut self) {
         if self.ms > 0.0 {
             self.pixels_per_ms = 0.5 * (self.pixels_per_ms + self.pixels / self.ms);
@@ -95,14 +98,14 @@ impl Pace {
         }
     }
 
-    /// Drops the speed of the previous picture, for a single picture that has no predecessor. Bands of rows grow
-    /// until one is long enough to be measured.
+    /// Drops the drawing speed of the previous picture, for a single picture that has no predecessor. Bands of
+    /// picture rows then grow until one is long enough to be measured.
     pub(super) fn forget_before(&mut self) {
         let measured = self.slowest_now.is_finite();
         self.slowest_before = if measured { f64::INFINITY } else { 2.0 * self.slowest_before };
     }
 
-    /// Returns the number of pixels that can probably be drawn within the target duration of a submission.
+    /// Returns the number of pixels that can probably be drawn within the intended duration of a submission.
     pub(super) fn pixels(&self) -> u32 {
         let rate = self.slowest_before.min(self.slowest_now);
         (self.target_ms * rate).clamp(1.0, f64::from(u32::MAX)) as u32

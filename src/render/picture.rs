@@ -1,5 +1,5 @@
-//! Ray casting of pictures band by band into host memory. [`super::display`] draws pictures into the textures of a
-//! window.
+//! Renders pictures by ray casting, band of rows by band of rows, into host memory. [`super::display`] draws pictures
+//! into the textures of a window.
 
 use super::eye_tiles::EyeTiles;
 use super::lights::{LightMaps, LightPass};
@@ -18,7 +18,7 @@ use glam::DVec3;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Uniform of a picture's camera, light and background: `Frame` of `shaders/render/frame.wgsl`.
+/// Uniform of the camera, the light and the background of a picture: `Frame` of `shaders/render/frame.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct FrameUniform {
@@ -44,25 +44,27 @@ struct FrameUniform {
     pub adds: u32,
 }
 
-/// Rendered picture in host memory, with its time and its plan.
+/// Rendered picture in host memory, with the time to draw it and the plan of needed and skipped work.
 pub struct Picture {
     /// Pixels of the picture as `height x width x 4` floats: linear RGB over the background, and opacity `1 - T_eye`.
     pub pixels: Array3<f32>,
-    /// Time to cast the eye rays of the picture, including the search for its tiles on the host.
+    /// Time to cast the eye rays of the picture. It includes the projection of bricks to tiles of the picture on the
+    /// host.
     pub span: Span,
-    /// Plan of the rendered picture: which work was needed and which was skipped.
+    /// Plan of the rendered picture: the work that its scene needed, such as queries for transmittance, and the work
+    /// that was skipped.
     pub plan: Plan,
 }
 
-/// Band of finished rows of a picture.
+/// Band of picture rows that is finished, in a device buffer.
 pub(crate) struct Band<'a> {
-    /// Pixels of the band as `rows x width x 4` floats: linear RGB and opacity.
+    /// Pixels of the band of picture rows as `rows x width x 4` floats: linear RGB and opacity.
     pub buffer: &'a wgpu::Buffer,
     pub first_row: u32,
     pub rows: u32,
 }
 
-/// Progress value of a pixel whose eye ray has not started.
+/// Marker for a pixel whose eye ray has not started, in the buffer that holds how far each eye ray has been marched.
 const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
@@ -82,9 +84,9 @@ impl Renderer {
         drawn.ok_or_else(broken)
     }
 
-    /// Renders a picture of a scene in submissions of about `submission_ms`, so that other threads can draw in
-    /// between. After each band of rows, `go_on` receives the finished share of the picture. If it returns `false`,
-    /// the result is `None`.
+    /// Renders a picture of a scene in submissions of about `submission_ms` each, so that other threads can use the
+    /// device in between. After each band of rows, `go_on` receives the finished share of the picture (0 to 1). If it
+    /// returns `false`, rendering stops and returns `None`.
     ///
     /// # Errors
     /// The adapter cannot hold the picture, the numbers of lights and shadow maps differ, or the device is lost.
@@ -121,8 +123,8 @@ impl Renderer {
         Ok(Some(Picture { pixels, span, plan }))
     }
 
-    /// Casts the eye rays of a picture in bands of rows; `pacing` may split a band into parts. Returns `None` if
-    /// `pacing` or `finished` ended the work.
+    /// Casts the eye rays of a picture in bands of rows; `pacing` chooses the number of pixels per submission.
+    /// Returns `None` if `pacing` or `finished` stopped the drawing.
     pub(crate) fn draw(
         &self,
         loaded: &LoadedVolume,
@@ -185,8 +187,8 @@ impl Renderer {
         Ok(Some((plan, span)))
     }
 
-    /// Casts the eye rays of one band of a picture in parts, the first one of `pixels` pixels. Returns `false` if
-    /// `pacing` ended the work.
+    /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
+    /// `pixels` pixels. Returns `false` if `pacing` stopped the drawing.
     fn cast_band(
         &self,
         caster: &Caster<'_>,
@@ -242,8 +244,8 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Runs one rendering pass over a part of a band, in as many dispatches as needed. `tiles` holds the number of
-    /// skipped tiles and of tiles in which rays are cast.
+    /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `tiles`
+    /// holds the number of picture tiles without eye rays, and the number of those with eye rays.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -270,7 +272,7 @@ impl Renderer {
     }
 }
 
-/// Inputs for casting the eye rays of a picture, shared by all of its parts.
+/// Inputs for casting the eye rays of a picture, which all of its submissions share.
 struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
@@ -279,13 +281,13 @@ struct Caster<'a> {
     passes: Vec<Pass<'a>>,
     /// Bind group 3 with the triangles of the scene's mesh, if there is one.
     mesh: Option<Group>,
-    /// Strand directions on the device, if the shading reads them.
+    /// Directions of the strands (hair or fibres) on the device, if the shading reads them.
     directions: Option<&'a DeviceDirections>,
 }
 
 impl Caster<'_> {
-    /// Returns the uniform for all parts of a rendering pass. The first pass draws the ambient light and the
-    /// background, and later passes add to it.
+    /// Returns the uniform of one rendering pass over a picture. The first pass draws the ambient light and the
+    /// background; later passes add their light to it.
     fn frame_uniform(&self, pass: usize) -> FrameUniform {
         let frame = frame_uniform(&self.loaded.volume, self.scene);
         let lit = 1.0 - self.scene.ambient;
@@ -298,7 +300,7 @@ impl Caster<'_> {
     }
 }
 
-/// Rendering pass over a picture, for one light or several.
+/// Rendering pass over a picture that adds one light, or several at once, with its shader and shadow map.
 struct Pass<'a> {
     shadow: &'a ShadowMap,
     radiance: Option<[f64; 3]>,
@@ -306,20 +308,21 @@ struct Pass<'a> {
     resumable: bool,
 }
 
-/// Smallest width of a part of a band, in pixels. Shorter submissions have more overhead than gain for other threads.
+/// Smallest width of the part of a picture that one submission draws, in pixels. Narrower parts would spend too much
+/// time on the submission.
 const LEAST_COLUMNS: u32 = 64;
 
-/// Converts a number of pixels to picture rows, in whole workgroups and at least one.
+/// Converts a number of pixels to a number of picture rows: whole workgroups, and at least one.
 fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
     (pixels / width.max(1) / PICTURE_SIDE).max(1) * PICTURE_SIDE
 }
 
-/// Converts a number of pixels to picture columns, in whole workgroups.
+/// Converts a number of pixels to a number of picture columns: whole workgroups, and at least the smallest width.
 fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
     (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
 }
 
-/// Returns the dispatch size for a number of picture tiles.
+/// Returns the dispatch size for a number of picture tiles, with one workgroup per tile.
 fn workgroups(tiles: u32) -> [u32; 3] {
     match tiles {
         0 => [0; 3],
@@ -331,7 +334,7 @@ pub(super) fn background_shader() -> ShaderVariant {
     ShaderVariant::of("render/background.wgsl").modules(&["render/frame.wgsl"]).constants(CONSTANTS)
 }
 
-/// Returns the uniform of camera and scene that all parts of a picture share.
+/// Returns the uniform of a picture's camera and scene, with the values that do not differ between submissions.
 fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
     let world_from_grid = grid_from_world.inverse().matrix3;

@@ -1,5 +1,5 @@
-//! Plan of a picture: which work the scene needs, and which work is skipped. `--explain` prints every decision as a
-//! line.
+//! Plan of a picture: the work that its scene needs, such as queries for transmittance, and the work that is skipped.
+//! `--explain` prints the plan.
 
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
@@ -13,28 +13,29 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::fmt;
 
-/// Work that is skipped, since the scene does not need it.
+/// Work that is skipped in drawing a picture, since its scene does not need it, with the reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
-    /// Name of the skipped work, such as `gradients`.
+    /// Name of the work that is skipped in drawing a picture, such as `gradients`.
     pub what: String,
-    /// Reason why the scene does not need the skipped work.
+    /// Reason why the scene of a picture does not need the skipped work.
     pub why: String,
-    /// Bytes or work that were saved by skipping, where known.
+    /// Bytes or operations that were saved by skipping work of a picture, as a text; `None` if unknown.
     pub saved: Option<String>,
-    /// Optimization by which the work was skipped, if `--no-skip` can disable it.
+    /// Optimization by which the work of a picture was skipped, if `--no-skip` can disable it.
     pub optional: Option<Optimization>,
 }
 
 impl Omission {
-    /// Returns a text with the skipped work, the reason for skipping it, and the saving.
+    /// Returns a text that names the skipped work of a picture, the reason and the saving.
     pub fn text(&self) -> String {
         let saved = self.saved.as_ref().map_or(String::new(), |s| format!(", {s}"));
         format!("{} ({}){saved}", self.what, self.why)
     }
 }
 
-/// Writes the skipped work with the reason and the saving, and in brackets its name for `--no-skip`.
+/// Writes the skipped work of a picture with the reason and the saving, and in brackets the name of its optimization
+/// for `--no-skip`.
 impl fmt::Display for Omission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "skipped: {}", self.text())?;
@@ -42,23 +43,23 @@ impl fmt::Display for Omission {
     }
 }
 
-/// Decisions for one picture: the work that the scene needs, and the work that is skipped.
+/// Plan of a picture: which work its scene needs (queries for transmittance, shading), and which work is skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Whether the picture needs queries for the transmittance from its lights.
     pub shadows: bool,
     /// Whether eye rays skip bricks without extinction.
     pub skip_bricks: bool,
-    /// Shading that the picture computes: that of the scene, or shading of weight 0 if the scene has none and
-    /// [`Optimization::Gradients`] is disabled.
+    /// Shading of the picture. If the scene has none and [`Optimization::Gradients`] is disabled, gradients are
+    /// computed with weight 0.
     pub shading: Shading,
     /// Whether the picture's scene has a mesh.
     pub mesh: bool,
-    /// List of the work that is skipped for this picture.
+    /// List of the work that is skipped for this picture, since its scene does not need it.
     pub left_out: Vec<Omission>,
 }
 
-/// Decides whether a visible point of a scene may be in shadow, before any shadow map is built.
+/// Decides, before any shadow map is built, whether a visible point of a scene may lie in shadow.
 ///
 /// # Errors
 /// Returns the reason why no visible point is in shadow.
@@ -81,21 +82,22 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
     }
 }
 
-/// Whether a box in voxel index coordinates may be visible in a scene's picture.
+/// Whether a box in voxel index coordinates may lie in the view of a scene's camera.
 fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
     let frustum = View::of(scene).frustum(&volume.world_from_index());
     frustum.may_intersect(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
-/// Returns the distance from the eye to the plane of the picture frame, mm. The plane passes through the volume's
-/// centre, so that distant eyes lose no precision.
+/// Returns the distance from the eye to the plane across the view through the volume's centre, mm. Eye rays are
+/// described from this plane, so that distant eyes lose no precision.
 pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
     let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
     (center - scene.camera.eye).dot(scene.camera.frame().forward).max(volume.min_spacing_mm())
 }
 
 impl Plan {
-    /// Plans a picture with the given shadow maps, and finds the tiles of the picture in which eye rays are cast.
+    /// Plans a picture with the given shadow maps: decides which work is skipped, and finds the tiles of the picture
+    /// in which eye rays are cast.
     pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
@@ -172,18 +174,18 @@ impl Plan {
         (plan, tiles)
     }
 
-    /// Whether the picture depends on the direction of its lights.
+    /// Whether the picture differs between directions of its lights, by shading or by shadows.
     pub(super) fn depends_on_light(&self) -> bool {
         self.shadows || self.mesh || self.shading != Shading::None
     }
 
-    /// Whether a rendering pass over the picture may take several dispatches, each of which continues where the last
-    /// one stopped.
+    /// Whether eye rays of a rendering pass may need several dispatches, each of which continues the rays where the
+    /// last one stopped.
     pub(super) fn resumable(&self, shadow: &ShadowMap) -> bool {
         self.shadows && shadow.lookup.as_ref().is_some_and(|lookup| self.mesh || lookup.marches())
     }
 
-    /// Returns the shader that casts the eye rays of this plan.
+    /// Returns the shader that casts the eye rays of a picture under this plan.
     pub(super) fn raycast_shader(
         &self,
         transfer: &DeviceTransfer,
@@ -199,7 +201,7 @@ impl Plan {
     }
 }
 
-/// List of the work that is skipped for a picture.
+/// List of the work that is skipped for a picture, since its scene does not need it, with the reasons.
 struct Omissions(Vec<Omission>);
 
 impl Omissions {
@@ -213,8 +215,8 @@ impl Omissions {
         self.0.push(Omission { what: what.into(), why: why.into(), saved, optional });
     }
 
-    /// Adds the skipped parts of shadow maps, as sums over all lights. A compute pass that is skipped for several
-    /// lights is listed once.
+    /// Adds the skipped tiles and build passes of all shadow maps to the list of skipped work. Tiles are summed over
+    /// the lights; a build pass is listed once.
     fn add_maps(&mut self, maps: &[&ShadowMap]) {
         let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
         let left_out = sum(&|map| map.report.tiles_left_out.into());
@@ -235,7 +237,8 @@ impl Omissions {
         }
     }
 
-    /// Adds the black lights of a scene to the list of skipped work: they have no shadow map and no rendering pass.
+    /// Adds the black lights of a scene to the list of skipped work, since they need neither a shadow map nor a
+    /// rendering pass.
     fn add_lights(&mut self, scene: &Scene) {
         for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
             let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
@@ -243,7 +246,7 @@ impl Omissions {
         }
     }
 
-    /// Adds the data that the shading does not read to the list of skipped work: gradients, or strand directions.
+    /// Adds to the list of skipped work the gradients or strand directions that the shading does not read.
     fn add_shading(&mut self, shading: Shading, loaded: &LoadedVolume) {
         let samples = Some("6 samples a lit sample".into());
         match shading {
@@ -280,7 +283,7 @@ fn raycast_shader(
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
 
-/// Returns the shaders that cast eye rays in all plans, without combinations of independent options.
+/// Returns the shaders that cast eye rays under all plans. Options that do not affect each other are not combined.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
     // Lookups do not depend on the kind of shading, only on its presence: the most complex one stands for all.
@@ -301,7 +304,7 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     list
 }
 
-/// Returns the shader definitions (`#ifdef`) of a kind of shading.
+/// Returns the names that a kind of shading defines in the shader, for `#ifdef`.
 fn shading_defs(shading: Shading) -> &'static [&'static str] {
     match shading {
         Shading::None => &[],

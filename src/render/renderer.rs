@@ -1,4 +1,4 @@
-//! Renderer of one graphics device: loads volumes and transfer functions, and builds shadow maps.
+//! Renderer of one graphics device: loads volumes and transfer functions, builds shadow maps, and draws pictures.
 
 use super::mesh::MeshCache;
 use super::plan::needs_shadows;
@@ -12,7 +12,7 @@ use crate::volume::Volume;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Renderer of one graphics device: its compute pipelines, and the pace of its submissions.
+/// Renderer of one graphics device, with its compute pipelines and the intended duration of its submissions.
 pub struct Renderer {
     pub(super) kernels: Kernels,
     tile_pace: TilePace,
@@ -20,14 +20,14 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Creates a renderer without a limit on the duration of submissions to the device.
+    /// Creates a renderer that does not limit the duration of submissions to the device.
     pub fn new(gpu: Gpu) -> Self {
         Self::over(Kernels::new(gpu, false), f64::INFINITY)
     }
 
-    /// Creates a renderer for a window that shares the device queue and moves the light. It builds shadow maps in
-    /// submissions of about `submission_ms`, and software adapters read uniforms as storage buffers (see
-    /// [`Kernels::new`]).
+    /// Creates a renderer for a window, which shares the device with other threads and often moves the light. It
+    /// builds shadow maps in submissions of about `submission_ms`, and software adapters read uniforms as storage
+    /// buffers (see [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
         Self::over(Kernels::new(gpu, true), submission_ms)
     }
@@ -54,7 +54,8 @@ impl Renderer {
         LoadedVolume::new(self.gpu(), volume)
     }
 
-    /// Makes the device tables of a transfer function, and classifies the volume's bricks as active or empty.
+    /// Computes the lookup tables of a transfer function on the device, and classifies the volume's bricks (blocks of
+    /// voxel cells) as active or empty.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -67,8 +68,8 @@ impl Renderer {
         DeviceTransfer::new(self.gpu(), loaded, tf, disabled)
     }
 
-    /// Replaces the colours of a transfer function on the device by those of `tf`, whose extinction must be the same
-    /// at all values of the volume.
+    /// Returns a copy of a transfer function's device data with the colours of `tf`, whose extinction must be the
+    /// same at all values of the volume.
     ///
     /// # Errors
     /// The device is out of memory.
@@ -81,7 +82,7 @@ impl Renderer {
         transfer.recolored(self.gpu(), loaded, tf)
     }
 
-    /// Builds the shadow map (or other shadow data structure) of one light, with a report of its times on the host
+    /// Builds the shadow map (or other shadow data structure) of one light, and measures the build times on the host
     /// and on the device.
     ///
     /// # Errors
@@ -96,8 +97,8 @@ impl Renderer {
         self.build(loaded, transfer, method, light, None)
     }
 
-    /// Returns the shadow method that a scene's picture needs: [`NoShadows`] where no light can be blocked
-    /// ([`needs_shadows`]).
+    /// Returns the shadow method for a picture of a scene: the given one, or [`NoShadows`] if no visible point can
+    /// lie in shadow ([`needs_shadows`]).
     pub fn effective_method<'m>(
         &self,
         loaded: &LoadedVolume,
@@ -108,8 +109,8 @@ impl Renderer {
         if needs_shadows(scene, &loaded.volume, transfer).is_ok() { method } else { &NoShadows }
     }
 
-    /// Builds the shadow map of one light for pictures of a scene, by the effective shadow method. Queries for
-    /// transmittance are valid in the view only; `None` means at all points.
+    /// Builds the shadow map of one light for pictures of a scene; without shadows, a map that is never queried. The
+    /// map is valid in the camera view `view` only; `None`: at all points.
     ///
     /// # Errors
     /// See [`Self::shadow`].

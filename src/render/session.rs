@@ -1,4 +1,5 @@
-//! Rendering session of the commands: a volume and its transfer function on a graphics device.
+//! Rendering session, which commands use to draw pictures and to query shadow maps: a volume and its transfer
+//! function on a graphics device.
 
 use super::{
     DeviceTransfer, DisabledOptimizations, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows,
@@ -14,9 +15,10 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Rendering session: a volume and its transfer function on one graphics device.
+/// Rendering session: a volume and its transfer function on one graphics device, with methods that draw pictures and
+/// query shadow maps.
 pub struct Session {
-    /// Renderer with the graphics device and its pipelines; several sessions may share it.
+    /// Renderer with the graphics device and its compute pipelines; several sessions may share it.
     pub renderer: Arc<Renderer>,
     /// Volume of the session, on the host and on the graphics device.
     pub loaded: LoadedVolume,
@@ -25,8 +27,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens a session: opens the graphics adapter (`--adapter`), uploads a volume, and makes the tables of its
-    /// transfer function. `forced` holds the optimizations that are disabled (`--no-skip`).
+    /// Opens a rendering session: opens the graphics adapter (`--adapter`), uploads a volume, and computes the lookup
+    /// tables of its transfer function. `forced` holds the optimizations that are disabled (`--no-skip`).
     ///
     /// # Errors
     /// There is no adapter, or it cannot hold the volume.
@@ -39,7 +41,8 @@ impl Session {
         Self::on(&Arc::new(Renderer::new(Gpu::open(adapter)?)), volume, tf, forced)
     }
 
-    /// Opens a session on an open renderer: uploads a volume, and makes the tables of its transfer function.
+    /// Opens a rendering session with an existing renderer: uploads a volume, and computes the lookup tables of its
+    /// transfer function.
     ///
     /// # Errors
     /// The adapter cannot hold the volume.
@@ -60,7 +63,8 @@ impl Session {
         Self { loaded: self.loaded.with_strands(strands), ..self }
     }
 
-    /// Makes the device tables of a transfer function, and classifies the volume's bricks again.
+    /// Makes the device data of another transfer function for the session's volume: computes its lookup tables, and
+    /// classifies the bricks (blocks of voxel cells) as active or empty.
     ///
     /// # Errors
     /// See [`Renderer::transfer`].
@@ -68,7 +72,7 @@ impl Session {
         self.renderer.transfer(&self.loaded, tf, self.transfer.disabled)
     }
 
-    /// Decides whether a scene needs a shadow map, or why not.
+    /// Decides whether a picture of a scene needs a shadow map.
     ///
     /// # Errors
     /// Returns the reason why the scene needs no shadow map.
@@ -76,7 +80,7 @@ impl Session {
         needs_shadows(scene, &self.loaded.volume, &self.transfer)
     }
 
-    /// Builds the shadow map of one light; it can be queried at every point of the volume.
+    /// Builds the shadow map of one light, which can be queried at every point of the volume.
     ///
     /// # Errors
     /// See [`Renderer::shadow`].

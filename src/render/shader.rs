@@ -1,9 +1,9 @@
-//! Numeric constants that the rendering shaders share with the host.
+//! Numeric constants that the host shares with the rendering shaders.
 
 use crate::field::LINE_THREADS;
 use crate::gpu::Constant;
 
-/// Number of threads per side of a workgroup that processes pixels of a picture.
+/// Number of threads per side of a square workgroup that processes pixels of a picture.
 pub const PICTURE_SIDE: u32 = 8;
 
 pub const CONSTANTS: &[Constant] = &[

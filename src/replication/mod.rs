@@ -1,5 +1,5 @@
-//! Replication studies: tests of the quantitative claims in the papers of the shadow methods, and a stability suite
-//! of extreme cases.
+//! Replication studies: tests of the quantitative claims in papers on shadow methods, and a stability suite of
+//! extreme cases.
 
 pub mod claims;
 pub mod stability;

@@ -1,4 +1,4 @@
-//! Markdown report of an ablation: the time and memory that skipping unnecessary work saves.
+//! Markdown report of an ablation: time and memory with and without each optimization, which skips a rendering step.
 
 use super::tables::escape_markdown;
 use crate::measure::ablate::Ablation;

@@ -1,8 +1,7 @@
 //! Ranks shadow methods by error within each memory or time budget, from the rows of the comparison table.
 //!
-//! All rows of a scene are ranked, tuned or not, by their memory or time in the full measurement. In memory budgets,
-//! rows without a shadow map are excluded: they would win every budget. Only the most accurate row of each shadow
-//! method is ranked.
+//! All rows of one scene take part, whether or not a search tuned their settings. Memory budgets exclude methods that
+//! store no shadow map, since these would always fit. Only the most accurate row of each method is ranked.
 
 use super::number::significant;
 use super::writers::{side_table_csv, write_files};
@@ -16,17 +15,17 @@ use std::path::{Path, PathBuf};
 /// Ranking of shadow methods for one scene, one memory or time budget and one error measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer<'a> {
-    /// Memory or time budget that the ranked table rows must not exceed.
+    /// Memory or time budget that the ranked rows of the comparison table do not exceed.
     pub budget: Budget,
-    /// Error measure by which shadow methods are ranked, smallest error first.
+    /// Error measure by which shadow methods are ranked: the smallest error is first.
     pub by: By,
-    /// Most accurate table row of each shadow method within the budget, with its error, smallest error first. The
-    /// list is empty if no row is within the budget.
+    /// Most accurate comparison-table row of each shadow method within the budget, with its error. Rows are sorted by
+    /// error, smallest first; the list may be empty.
     pub ranked: Vec<(&'a Row, f64)>,
 }
 
-/// Returns rankings of shadow methods for every scene, adapter, picture size, budget and error measure. The list is
-/// empty if no table row was tuned for a budget.
+/// Returns one ranking of shadow methods for each combination of scene, graphics adapter, picture size, budget and
+/// error measure. The list is empty if no settings were tuned for a budget.
 pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
     let budgets = budgets_of(rows);
     let mut answers = Vec::new();
@@ -55,13 +54,14 @@ fn takes_part(row: &Row, budget: Budget) -> bool {
     stores && !row.has_failed() && budget.holds(row)
 }
 
-/// Sort key of a ranked table row: smaller error first; of equal errors, the row that uses less of the budget.
+/// Sort key of a row in the ranking of shadow methods within a budget: smaller error first, then smaller memory or
+/// time.
 fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
     (error, budget.need(row).unwrap_or(f64::INFINITY))
 }
 
-/// Returns one text line for each ranking within a budget: the most accurate shadow method and its error ratio to the
-/// next one. `name` returns the name of a table row: method, settings, and the scene if there are several.
+/// Returns one text line per ranking within a budget: the best shadow method, the second best, and the ratio of their
+/// errors. `name` returns the name of a comparison-table row: method, settings, and the scene if there are several.
 pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     let said = |answer: Answer| {
         let Answer { budget, by, ranked } = answer;
@@ -90,7 +90,7 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     answers(rows).into_iter().filter_map(said).collect()
 }
 
-/// Row of `budgets.csv`: a row of the comparison table with its budget, error measure and rank.
+/// Row of `budgets.csv`: a comparison-table row with its rank for one budget and one error measure.
 struct Ranked<'a> {
     row: &'a Row,
     answer: &'a Answer<'a>,
@@ -103,8 +103,9 @@ impl Borrow<Row> for Ranked<'_> {
     }
 }
 
-/// Writes `budgets.csv` (ranking of shadow methods within each budget) and `trials.csv` (settings tried by the
-/// search) into an existing folder. Writes nothing if no budget was searched. Returns the paths of the written files.
+/// Writes `budgets.csv` (ranking of shadow methods within each budget) and `trials.csv` (settings that the search
+/// within a budget tried) into an existing folder. Writes nothing if no settings were tuned for a budget. Returns the
+/// paths of the written files.
 ///
 /// # Errors
 /// A file cannot be written.

@@ -49,7 +49,8 @@ impl Rect {
         Point(0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom))
     }
 
-    /// Moves every side of a rectangle inwards by a distance in points; a negative distance enlarges the rectangle.
+    /// Moves every side of a rectangle on a drawing's page inwards by a distance in points; a negative distance
+    /// enlarges the rectangle.
     pub fn inset(&self, by: f64) -> Self {
         Self { left: self.left + by, top: self.top + by, right: self.right - by, bottom: self.bottom - by }
     }
@@ -86,8 +87,8 @@ impl Rect {
     }
 }
 
-/// Horizontal alignment of a text relative to its position in a drawing (SVG `text-anchor`). Vertically, the position
-/// is always at half the height of a digit.
+/// Horizontal alignment of a text relative to its position in a drawing (SVG `text-anchor`). Vertically, the digits
+/// of a text are centred on its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Anchor {
     /// Text alignment in a drawing: the text starts at its position.
@@ -102,7 +103,7 @@ pub enum Anchor {
 pub const PIXELS_PER_POINT: u32 = 2;
 /// Font family of a drawing in SVG. Bitmaps and PDF files use its first font, which is compiled into the program.
 const FONT_FAMILY: &str = "Ubuntu, Helvetica, Arial, sans-serif";
-/// Half the height of a digit, as a fraction of the font size.
+/// Half the height of a digit as a fraction of the font size, for the vertical centring of text in drawings.
 const HALF_DIGIT: f64 = 0.35;
 
 /// Drawing of one page: vector shapes in drawing order, with raster pictures behind all shapes.
@@ -153,23 +154,23 @@ impl Drawing {
         });
     }
 
-    /// Draws the outline of a rectangle.
+    /// Draws the outline of a rectangle in a drawing; the line width is in points.
     pub fn outline(&mut self, r: Rect, width: f64, color: Rgb) {
         let [a, b, c, d] = r.corners();
         self.line(&[a, b, c, d, a], width, color);
     }
 
-    /// Fills the interior of a polygon with a colour.
+    /// Fills the interior of a polygon in a drawing with a colour.
     pub fn polygon(&mut self, points: &[Point], color: Rgb) {
         self.add(html! { polygon points=(list(points)) fill=(hex(color)) {} });
     }
 
-    /// Draws a horizontal text with a font size in points.
+    /// Draws a horizontal text in a drawing; the font size is in points.
     pub fn text(&mut self, at: Point, anchor: Anchor, size: f64, color: Rgb, text: &str) {
         self.letters(at, anchor, size, color, text, None);
     }
 
-    /// Draws a text that is rotated to read upwards and centred at its position.
+    /// Draws a text in a drawing, rotated to read upwards and centred at its position.
     pub fn rotated_text(&mut self, at: Point, size: f64, color: Rgb, text: &str) {
         let turn = format!("rotate(-90 {} {})", short(at.0), short(at.1));
         self.letters(at, Anchor::Middle, size, color, text, Some(turn));
@@ -208,7 +209,7 @@ impl Drawing {
         self.document(about, html! { rect width="100%" height="100%" fill=(hex(self.ground)) {} })
     }
 
-    /// Returns an SVG document with the shapes of the drawing over the given background markup.
+    /// Returns the drawing as an SVG document: first the given markup of the background, then the vector shapes.
     fn document(&self, about: Option<&str>, under: Markup) -> Markup {
         html! {
             svg xmlns="http://www.w3.org/2000/svg" width=(self.width) height=(self.height)
@@ -228,8 +229,8 @@ impl Drawing {
         self.bitmap_of(f64::from(PIXELS_PER_POINT))
     }
 
-    /// Renders the drawing as a bitmap at a resolution in pixels per point; raster pictures are resampled to their
-    /// rectangles.
+    /// Renders the drawing as a bitmap at a given resolution in pixels per point. Raster pictures are resampled to
+    /// the size at which the drawing shows them.
     ///
     /// # Errors
     /// See [`Self::bitmap`].

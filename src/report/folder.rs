@@ -1,4 +1,5 @@
-//! Output folder of a comparison table: refuses to overwrite an earlier table by accident or to mix two tables.
+//! Output folder of a comparison of shadow methods: a new table must neither overwrite an earlier one nor mix with
+//! it.
 
 use super::names::RUN;
 use super::run::{RowRecord, Run};
@@ -7,19 +8,20 @@ use crate::files::output::write_whole;
 use crate::measure::journal::JOURNAL;
 use std::path::{Component, Path};
 
-/// Treatment of an earlier comparison table that the output folder already contains.
+/// Action if the output folder already contains a comparison table: report an error, resume it or overwrite it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// Treats an existing table in the output folder as an error.
+    /// Reports an error if the output folder already contains a comparison table.
     New,
-    /// Resumes the existing table in the output folder; scenes and settings must be equal.
+    /// Continues the comparison table in the output folder, which must have the same scenes and settings.
     Resume,
-    /// Removes the files of the existing table in the output folder, and no other files.
+    /// Removes the files of the earlier comparison table from the output folder, and no other files.
     Overwrite,
 }
 
 impl Run {
-    /// Reads the run description `run.json` of a table's folder; returns `None` if the file does not exist.
+    /// Reads `run.json`, the description of how a comparison was measured, from its result folder. Returns `None` if
+    /// the file does not exist.
     ///
     /// # Errors
     /// The file exists but cannot be read.
@@ -36,7 +38,7 @@ impl Run {
         }
     }
 
-    /// Writes the run description `run.json` into a table's folder.
+    /// Writes `run.json`, the description of how the comparison was measured, into its result folder.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -47,8 +49,8 @@ impl Run {
         write_whole(&path, |file| writeln!(file, "{text}"))
     }
 
-    /// Returns an error if writing this table into a folder would lose an earlier table or mix the two. Accepts a
-    /// missing folder and a folder without a table; changes no file.
+    /// Returns an error if writing this comparison into a folder would overwrite an earlier comparison table or mix
+    /// the two. Accepts a missing folder and a folder without a table; changes no file.
     ///
     /// # Errors
     /// Input error: the folder contains a table that must not be overwritten.
@@ -80,8 +82,8 @@ impl Run {
         }
     }
 
-    /// Reason why this run cannot resume the table of an earlier run, if any. The number of timing repeats may
-    /// differ.
+    /// Returns the reason why this comparison cannot continue the earlier one in its output folder; `None` if it can.
+    /// The number of timing repeats may differ.
     fn differs_from(&self, earlier: &Self) -> Option<String> {
         if !earlier.merged.is_empty() {
             return Some("its table was merged from several".into());
@@ -111,8 +113,8 @@ impl Run {
         Some(format!("{} is among its rows and not among the requested ones", row.method))
     }
 
-    /// Prepares the output folder of a comparison: removes files of an earlier run if requested, then writes
-    /// `run.json`, the scene files and the transfer functions. `tf_texts` has the text of each scene's
+    /// Prepares the output folder of a comparison: removes files of an earlier comparison if requested, then writes
+    /// `run.json`, the scene files and the transfer functions. `tf_texts` contains the text of each scene's
     /// transfer-function file.
     ///
     /// # Errors
@@ -142,8 +144,8 @@ impl Run {
         Ok(())
     }
 
-    /// Removes the result files of an earlier run from its folder, except the journal of measured rows, which is
-    /// open, and `run.json`.
+    /// Removes the result files of an earlier comparison from its folder. It keeps `run.json` and the journal (file
+    /// that records finished measurements), which is in use.
     fn remove_files(&self, folder: &Path) -> Result<()> {
         for name in self.files.iter().filter(|name| *name != JOURNAL && *name != RUN) {
             // Never removes files outside the folder, whatever `run.json` lists.

@@ -9,41 +9,41 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use ndarray::{Array2, Array3};
 
-/// Largest height of the picture grid, points; lower if the pictures need less height at full width.
+/// Largest height of the figure of all methods' pictures, points, so that it fits on a page.
 const MOST_HEIGHT: f64 = 650.0;
-/// Smallest width of a picture in the picture grid, points, so that its settings stay readable.
+/// Smallest width of a column in the figure of all methods' pictures, points, so that settings stay readable.
 const LEAST_CELL: f64 = 64.0;
-/// Largest width of a picture in the picture grid, points.
+/// Largest width of a column in the figure of all methods' pictures, points.
 const MOST_CELL: f64 = 220.0;
-/// Smallest ratio of picture width to column width, where pictures are narrowed to limit the height of the grid.
+/// Smallest factor by which the columns in the figure of all methods' pictures are narrowed to fit a page.
 const MOST_NARROWED: f64 = 0.85;
-/// Ratio of height to width above which pictures may be narrower than the columns of the picture grid.
+/// Ratio of height to width above which a picture may be narrower than its column in the figure of all pictures.
 const UPRIGHT: f64 = 1.2;
-/// Largest height of a picture in the picture grid, points.
+/// Largest height of an upright picture in the figure of all methods' pictures, points.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
-/// Gap between a picture and its difference image below it in the picture grid, points.
+/// Gap between a picture and the difference image below it in the figure of all methods' pictures, points.
 const SEAM: f64 = 2.0;
 const NAME: f64 = 8.5;
 const TEXT: f64 = 7.0;
 const LINE: f64 = 8.6;
-/// Height of the colour bar without its labels in the picture grid, points.
+/// Height of the colour bar without labels in the figure of all methods' pictures, points.
 const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
-/// Smallest and largest resolution of the PNG file with the picture grid, pixels per point; up to about 300 dpi.
+/// Smallest and largest resolution of the figure of all methods' pictures as PNG, pixels per point of 1/72 inch.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
-/// Largest number of pixels of the PNG file with the picture grid.
+/// Largest number of pixels in the PNG file of the figure of all methods' pictures.
 const MOST_PIXELS: f64 = 1e8;
 
-/// Entry of the picture grid: the picture of one shadow method with its captions.
+/// Entry in the figure of all methods' pictures: the picture of one shadow method with its captions.
 #[derive(Debug, Clone)]
 pub struct GridCell<'a> {
-    /// Name of the shadow method that drew the picture.
+    /// Name of the shadow method whose picture is shown in the figure of all methods' pictures.
     pub name: String,
     /// Settings of the shadow method, each as `key=value`.
     pub settings: Vec<String>,
-    /// Times, memory and error of the shadow method, one text line each, printed below its picture.
+    /// Times, memory and error of a shadow method, one text line each, printed below its picture in the figure.
     pub figures: Vec<String>,
     /// Pixels of the picture that a shadow method drew: `height x width x 4`, linear RGBA.
     pub picture: &'a Array3<f32>,
@@ -53,7 +53,7 @@ pub struct GridCell<'a> {
 }
 
 impl<'a> GridCell<'a> {
-    /// Creates an entry of the picture grid for a row of the comparison table.
+    /// Creates the entry of one comparison-table row in the figure of all methods' pictures.
     pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
         let map = row.map.map(|map| format!("map={map}"));
         let settings =
@@ -68,13 +68,13 @@ impl<'a> GridCell<'a> {
         Self { name: row.method.clone(), settings, figures, picture, difference }
     }
 
-    /// Creates an entry of the picture grid for the reference picture (`rays`), where the table has no such row.
+    /// Creates the entry of the reference picture (one shadow ray per sample) in the figure of all pictures.
     pub fn reference(picture: &'a Array3<f32>) -> Self {
         let settings = vec!["(not in the table)".into()];
         Self { name: "rays".into(), settings, figures: Vec::new(), picture, difference: None }
     }
 
-    /// Settings of the shadow method as text lines of at most `width` points, broken only between settings.
+    /// Settings of a shadow method as text lines of at most `width` points; lines are broken only between settings.
     fn lines(&self, width: f64) -> Vec<String> {
         wrapped(self.settings.iter().cloned(), ", ", width)
     }
@@ -93,8 +93,8 @@ fn wrapped(pieces: impl Iterator<Item = String>, separator: &str, width: f64) ->
     lines
 }
 
-/// Draws the picture grid, `width` points wide, and returns it as PNG and as PDF. Black is zero difference, and the
-/// colour bar ends at `max`. `label` is the title of the colour bar.
+/// Draws the figure of all methods' pictures, `width` points wide, and returns it as PNG and PDF. In difference
+/// images black is zero; their colour bar ends at `max` and has the title `label`.
 ///
 /// # Errors
 /// The figure cannot be drawn or encoded.
@@ -106,8 +106,8 @@ pub fn files(shown: &[GridCell], width: f64, max: f32, label: &str) -> Result<[V
     Ok([png, drawing.pdf()?])
 }
 
-/// Resolution of the PNG file with the picture grid, pixels per point. `own` is the resolution at which each picture
-/// keeps its own pixels.
+/// Resolution of the figure of all methods' pictures as PNG, pixels per point. `own` is the resolution at which every
+/// picture keeps its pixels.
 fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
     let [least, most] = PIXELS_PER_POINT;
     own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
@@ -119,15 +119,15 @@ struct Layout {
     width: f64,
     across: usize,
     cell: f64,
-    /// Width and height of one picture in the picture grid, points.
+    /// Width and height of one picture in the figure of all methods' pictures, points.
     picture: [f64; 2],
-    /// Number of text lines with settings above each row of pictures, in the picture grid.
+    /// Number of text lines with settings above each row of pictures, in the figure of all methods' pictures.
     lines: Vec<usize>,
 }
 
 impl Layout {
-    /// Layout of the picture grid with the widest pictures that fit on a page and leave few empty places; otherwise a
-    /// layout higher than a page.
+    /// Layout with wide pictures and few empty places for the figure of all methods' pictures. If none fits on a
+    /// page, the figure is higher than a page.
     fn of(shown: &[GridCell], width: f64) -> Self {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
@@ -145,8 +145,8 @@ impl Layout {
         })
     }
 
-    /// Layout of the picture grid with a given number of pictures per row; `None` if it cannot fit on a page with
-    /// readable pictures.
+    /// Layout of the figure of all methods' pictures with `across` pictures per row; `None` if it cannot fit on a
+    /// page with readable pictures.
     fn across(shown: &[GridCell], width: f64, across: usize) -> Option<Self> {
         let (column, shape) = (column(width, across), shape(shown));
         let upright = shape > UPRIGHT;
@@ -174,13 +174,13 @@ impl Layout {
         None
     }
 
-    /// Height of the captions above a row of pictures in the picture grid, points.
+    /// Height of the captions above one row of pictures in the figure of all methods' pictures, points.
     fn above(&self, row: usize) -> f64 {
         NAME + 3.0 + LINE * self.lines[row] as f64
     }
 
-    /// Height of one row in the picture grid, points: captions, pictures, difference images, text lines below them,
-    /// and the gap to the next row.
+    /// Height of one row in the figure of all methods' pictures, points: captions, pictures, difference images, text
+    /// lines below them, and the gap to the next row.
     fn row_height(&self, shown: &[GridCell], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
         self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
@@ -192,12 +192,12 @@ impl Layout {
     }
 }
 
-/// Width of a column in the picture grid, points, for a number of columns on the page.
+/// Width of a column in the figure of all methods' pictures, points. `width` is that of the whole figure.
 fn column(width: f64, across: usize) -> f64 {
     ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
 }
 
-/// Ratio of height to width of a rendered picture, equal for all pictures of a scene.
+/// Ratio of height to width of the pictures in the figure of all methods' pictures.
 fn shape(shown: &[GridCell]) -> f64 {
     let dims = shown.first().map_or((1, 1), |s| (s.picture.dim().0, s.picture.dim().1));
     dims.0 as f64 / dims.1.max(1) as f64
@@ -208,8 +208,8 @@ fn lines(shown: &[GridCell], across: usize, cell: f64) -> Vec<usize> {
     shown.chunks(across).map(most).collect()
 }
 
-/// Text lines of the legend that explains the times, memory and errors below the pictures; empty if no picture has
-/// any.
+/// Text lines of the legend that explains times, memory and errors in the figure of all methods' pictures; empty if
+/// the figure has none of these.
 fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     if shown.iter().all(|s| s.figures.is_empty()) {
         return Vec::new();
@@ -219,7 +219,7 @@ fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     wrapped(words.split(' ').map(str::to_owned), " ", width)
 }
 
-/// Draws the picture grid. Returns the drawing and the width of a picture in points.
+/// Draws the figure of all methods' pictures. Returns the drawing and the width of one picture in points.
 fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
     let (cell, picture) = (layout.cell, layout.picture);
@@ -245,8 +245,8 @@ fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f6
     (drawing, picture[0])
 }
 
-/// Draws one entry of the picture grid: captions, picture, difference image and text lines below. `cell` is the
-/// column width, `above` the height of the captions, `wide` and `high` the size of the picture.
+/// Draws one entry in the figure of all methods' pictures: captions, picture, difference image, text lines. `cell` is
+/// the column width, `above` the height of the captions, `wide` and `high` the size of the picture.
 fn put(
     drawing: &mut Drawing,
     s: &GridCell,

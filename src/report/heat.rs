@@ -1,4 +1,4 @@
-//! False-colour images of errors and differences, with a colour bar as legend.
+//! Converts arrays of rendering errors and picture differences to false-colour images with a colour bar as legend.
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, Rect, encode_png, text_width};
 use super::number::significant;
@@ -50,8 +50,8 @@ pub fn round_max(values: &Array2<f32>) -> f32 {
 const LEGEND_HEIGHT_PX: u32 = 98;
 const LEGEND_MIN_WIDTH_PX: u32 = 420;
 
-/// Adds a colour bar from 0 to `max` with numbers below a false-colour image. `label` is the title of the bar. An
-/// image narrower than the legend is centred over it.
+/// Adds a colour bar with numbers from 0 to `max` below a false-colour image. `label` is the title of the bar. An
+/// image narrower than the colour bar is centred over it.
 ///
 /// # Errors
 /// The image cannot be drawn or encoded.
@@ -99,7 +99,7 @@ pub(super) fn bar_height(bar_height: f64, size: f64) -> f64 {
     bar_height + 2.6 * size
 }
 
-/// Removes trailing zeros from the decimals of a number.
+/// Removes trailing zeros after the decimal point of a number in text form.
 fn trimmed(number: &str) -> String {
     let (mantissa, exponent) = number.find('e').map_or((number, ""), |at| number.split_at(at));
     let short =

@@ -6,34 +6,36 @@ use crate::measure::comparison::Comparison;
 use crate::measure::table::Row;
 use ndarray::Array3;
 
-/// Reference picture of a scene, drawn by `rays` (one shadow ray per sample), for scenes whose table has no such row.
-/// Difference images of the other shadow methods are relative to it.
+/// Reference picture of a scene, drawn with one shadow ray per sample; needed if no row of the comparison table has
+/// this method. The difference images of the shadow methods are relative to it.
 #[derive(Debug, Clone)]
 pub struct ReferencePicture {
     /// Name of the scene that the reference picture shows.
     pub scene: String,
-    /// Name of the graphics adapter whose table rows are compared with this reference picture.
+    /// Name of the graphics adapter whose pictures are compared with this reference picture.
     pub adapter: String,
     /// Pixels of the reference picture: `height x width x 4`, linear RGBA.
     pub pixels: Array3<f32>,
 }
 
-/// Measured comparison of shadow methods whose result files, except the journal and its pictures, are not yet
-/// written.
+/// Measured comparison of shadow methods before its result files are written. On disk are only the journal (file that
+/// records finished measurements) and the pictures of its rows.
 #[derive(Default)]
 pub struct Made {
-    /// Table rows, pictures, notes and failures of all scenes of the comparison.
+    /// Comparison of shadow methods on all scenes: table rows, pictures, notes and failures.
     pub comparison: Comparison,
-    /// Description of the run that measured the comparison, as in `run.json`.
+    /// Description of how the comparison was measured, as `run.json` stores it.
     pub run: Run,
-    /// Reference pictures of the scenes that have no table row of `rays`.
+    /// Reference pictures (one shadow ray per sample) of the scenes for which the comparison table has no row of this
+    /// method.
     pub references: Vec<ReferencePicture>,
     /// Rows of the ablation table (cost of each optimization), if an ablation was requested.
     pub ablations: Option<Vec<Ablation>>,
 }
 
 impl Made {
-    /// Updates the list of rows in the run description if the measured table rows differ from the planned ones.
+    /// Replaces the planned rows in the run description (`run.json`) by the measured rows of the comparison table, if
+    /// they differ.
     pub fn record_rows(&mut self) {
         let scene = |row: &Row| self.run.scenes.iter().position(|s| s.name == row.scene);
         let found: Vec<RowRecord> = self

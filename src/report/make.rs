@@ -1,5 +1,5 @@
-//! Compares shadow methods on scenes: measures them, then writes tables, plots, pictures and the HTML report into a
-//! folder. The command line, the window and Python use it; [`merge`](super::merge) starts from measured rows.
+//! Compares shadow methods on scenes: measures each method, then writes tables, plots, pictures and the HTML report.
+//! The command line, the window and Python call it; [`merge`](super::merge) starts from finished measurements.
 
 mod files;
 mod page;
@@ -29,29 +29,30 @@ use page::{program_conditions, scene_conditions, write_page};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Shadow methods and budgets to measure on every scene of a comparison.
+/// Shadow methods to measure on each scene of a comparison, and budgets for which their settings are tuned.
 pub struct Order<'a> {
-    /// Shadow methods to measure on each scene, one table row each. A scene with an empty list is not read.
+    /// Shadow methods to measure on each scene, one row of the comparison table each. A scene without methods is not
+    /// read.
     pub methods: &'a [Vec<Box<dyn Method>>],
-    /// Memory and time budgets within which the settings of each shadow method are tuned; each budget adds table
-    /// rows.
+    /// Memory and time budgets within which the settings of each shadow method are tuned; each budget adds rows to
+    /// the comparison table.
     pub budgets: &'a [Budget],
-    /// Note on how the rows of the comparison table are timed; may be empty.
+    /// Note for the reader on how the rows of the comparison table are timed; may be empty.
     pub remark: &'a str,
 }
 
 /// Input of one scene of a comparison: volume, transfer function, camera and lights.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// Voxel grid that the scene renders.
+    /// Voxel grid (volume) that is rendered in the scene.
     pub volume: Arc<Volume>,
     /// Transfer function that maps voxel values to colour and extinction.
     pub tf: TransferFunction,
-    /// Strands (curves such as hair or fibres) from which the volume was voxelised, if any.
+    /// Strands (curves such as hair or fibres) that were converted to the voxels of the volume, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Camera, lights, picture size and other picture settings of the scene.
     pub scene: Scene,
-    /// Optimizations to disable, so that unnecessary work is done for measurements.
+    /// Optimizations of the renderer to disable, so that their effect can be measured.
     pub forced: DisabledOptimizations,
 }
 
@@ -61,23 +62,24 @@ pub struct Files {
     /// Paths of the comparison tables `compare.csv`, `compare.json`, `compare.md` and `compare.tex`, and of
     /// `columns.md`.
     pub tables: Vec<PathBuf>,
-    /// Paths of the plots of error against time and against memory.
+    /// Paths of the plots of the shadow methods' error against time and against memory.
     pub plots: Vec<PathBuf>,
-    /// Paths of the picture and difference image of each table row, and of the figures of all pictures side by side.
+    /// Paths of the shadow methods' pictures, of their difference images, and of the figures of all pictures side by
+    /// side.
     pub pictures: Vec<PathBuf>,
     /// Path of the HTML report `report.html`.
     pub report: PathBuf,
-    /// Paths of the ablation tables; empty unless an ablation was requested.
+    /// Paths of the ablation tables (cost of each optimization); empty unless an ablation was requested.
     pub ablations: Vec<PathBuf>,
-    /// Paths of the tables for budgets: settings tried by the search, and the ranking of shadow methods; empty
-    /// without budgets.
+    /// Paths of `budgets.csv` (ranking of shadow methods within each budget) and `trials.csv` (settings that the
+    /// search tried); empty without budgets.
     pub budgets: Vec<PathBuf>,
-    /// Remarks on result files that could not be written as requested.
+    /// Remarks on result files that differ from the request, such as columns that do not fit into the LaTeX table.
     pub remarks: Vec<String>,
 }
 
-/// Measures every shadow method on every scene of a comparison, and reads each scene just before its measurement. If
-/// the device cannot hold one of several scenes, that scene's table rows are marked as failed.
+/// Measures every shadow method on every scene of a comparison; each scene is read just before its measurement. If
+/// the graphics device cannot hold one of several scenes, the rows of this scene are marked as failed.
 ///
 /// # Errors
 /// A scene cannot be read, the device cannot hold the only scene, the journal cannot be written, or the user
@@ -133,9 +135,9 @@ pub fn make(
 }
 
 impl Made {
-    /// Measures the shadow methods on one scene and returns the number of table rows, tuned ones included. It also
-    /// counts the curve nodes of deep shadow maps, and draws a reference picture if no row is `rays`. Failures of
-    /// these two become notes.
+    /// Measures the shadow methods on one scene and returns the number of new table rows, tuned settings included. It
+    /// also counts the curve nodes of deep shadow maps and draws the reference picture if it is missing. If one of
+    /// these two steps fails, the comparison gets a note.
     fn add(
         &mut self,
         job: &Job,
@@ -219,8 +221,8 @@ fn reference(job: &Job) -> Result<ReferencePicture> {
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
 }
 
-/// Counts the curve nodes of a deep shadow map in each texel; `None` for shadow maps without nodes or with several
-/// lights.
+/// Counts the curve nodes in each texel of a deep shadow map. Returns `None` for other shadow maps and for scenes
+/// with several lights.
 fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
     match job.scene.shining()[..] {
         [source] if compared.row.nodes_total.is_some() => {

@@ -1,5 +1,4 @@
-//! Merges the result folders of one comparison that was measured in parts (shards) into one table, without new
-//! measurements.
+//! Merges the result folders of a comparison measured in parts (shards) into one table, without new measurements.
 //!
 //! The folders must agree in program, scenes (settings, and SHA-256 of input files), number of samples and budgets.
 //! Rows of several graphics adapters are not mixed: each adapter has its own Pareto front, plots and colour scale.
@@ -24,28 +23,28 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const WHAT: &str = "cannot merge";
-/// Largest number of missing table rows that the error message names.
+/// Largest number of missing table rows that the error message of a merge names.
 const MOST_NAMED: usize = 3;
 
-/// Result folder that is merged into a larger table.
+/// Result folder of one shard (part of a comparison), to be merged with others into one table.
 struct Part {
     folder: PathBuf,
     run: Run,
-    /// Measured rows of the folder's comparison table, in the order of the run description.
+    /// Measured rows of the comparison table in this folder, in the order of `run.json`.
     rows: Vec<Row>,
-    /// Settings that searches within budgets tried in this folder, as table rows.
+    /// Settings of shadow methods that this folder's search within a budget tried, one measured row each.
     trials: Vec<Row>,
 }
 
 /// Comparison merged from several result folders and not yet written.
 pub struct Merged {
     made: Made,
-    /// Picture files to copy from the merged folders, with their new names.
+    /// Picture files to copy from the merged folders into the output folder, with their new names.
     copies: Vec<(PathBuf, String)>,
     tf_texts: Vec<Option<String>>,
 }
 
-/// Row of the merged comparison table, and the folder from which it comes.
+/// Row of the merged comparison table, and the result folder from which it comes.
 struct Place<'a> {
     part: &'a Part,
     record: &'a RowRecord,
@@ -154,8 +153,8 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
     Ok(())
 }
 
-/// Sorts the rows of all merged folders by scene, then by adapter, then by shadow method. Returns an error if two
-/// folders contain one row.
+/// Sorts the rows of all merged comparison tables by scene, then by graphics adapter, then by shadow method. Returns
+/// an error if two folders contain the same row.
 fn places<'a>(parts: &'a [Part], adapters: &[String], wanted: &[(usize, &str)]) -> Result<Vec<Place<'a>>> {
     let of = |part: &'a Part| {
         let records = part.run.rows.iter().filter(|r| r.here);
@@ -176,7 +175,8 @@ fn places<'a>(parts: &'a [Part], adapters: &[String], wanted: &[(usize, &str)]) 
     }
 }
 
-/// Builds the merged comparison from sorted table rows: run description, notes, pictures and files to copy.
+/// Builds the merged comparison from its sorted table rows: run description, notes, pictures, and picture files to
+/// copy.
 fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: usize) -> Result<Merged> {
     let mut run = parts[0].run.clone();
     run.shard = None;
@@ -228,14 +228,15 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     Ok(merged)
 }
 
-/// Merges the measurement conditions of all folders; differing values of a condition are joined with semicolons.
+/// Merges the measurement conditions of all result folders; differing values of one condition are joined with
+/// semicolons.
 fn conditions(parts: &[Part]) -> Vec<(String, String)> {
     let all = || parts.iter().flat_map(|p| &p.run.conditions);
     let values = |name| all().filter(|(n, _)| n == name).map(|(_, value)| value).unique().join("; ");
     all().map(|(name, _)| name).unique().map(|name| (name.clone(), values(name))).collect()
 }
 
-/// Text of each scene's transfer-function file, from the first folder that has it.
+/// Returns the text of each scene's transfer-function file, from the first merged folder that contains it.
 fn tf_texts(parts: &[Part]) -> Result<Vec<Option<String>>> {
     let of = |i: usize, file: &str| {
         let text = parts.iter().find_map(|p| fs::read_to_string(p.folder.join(file)).ok());
@@ -246,8 +247,8 @@ fn tf_texts(parts: &[Part]) -> Result<Vec<Option<String>>> {
     scenes.map(|(i, s)| if s.tf_file.is_empty() { Ok(None) } else { of(i, &s.tf_file).map(Some) }).collect()
 }
 
-/// Computes the difference of each merged picture from the reference picture (`rays`) of its scene and adapter. The
-/// reference is a table row or a picture file of a merged folder.
+/// Computes the difference of each merged picture from the reference picture (one shadow ray per sample) of its scene
+/// and graphics adapter. The reference belongs to a table row or is a file of its own in a merged folder.
 fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
     let group = |c: &Compared| (c.row.scene.clone(), c.row.adapter.clone());
     let compared = &mut made.comparison.compared;
@@ -286,7 +287,8 @@ impl Merged {
         table_json(&self.rows(), &self.made.run)
     }
 
-    /// Returns an error if the output folder already contains a table that `start` does not allow to overwrite.
+    /// Returns an error if the output folder already contains a comparison table and `start` does not allow to
+    /// replace it.
     ///
     /// # Errors
     /// Input error: the folder contains a table.

@@ -10,14 +10,17 @@ use crate::error::Result;
 use crate::shadow::NodeMap;
 use image::imageops;
 
-/// Approximate side of the picture of curve nodes per tile, pixels.
+/// Approximate side length of the image that shows the curve nodes in each tile of a deep shadow map, pixels.
 const PICTURE_SIDE_PX: usize = 384;
-/// Colour of skipped tiles in the picture of curve nodes; the `inferno` colour map does not contain it.
+/// Colour of tiles without stored curves in the image of a deep shadow map's curve nodes. The `inferno` colour map
+/// does not contain it.
 const LEFT_OUT: Rgb = [150, 150, 150];
-/// Largest number of bars in the histogram of curve nodes; further node counts share bars.
+/// Largest number of bars in the histogram of curve nodes per texel; if there are more node counts, each bar covers
+/// several.
 const MOST_BARS: usize = 40;
 
-/// Summary of a deep shadow map's curve nodes in one sentence: total, mean, largest number, and skipped tiles.
+/// Summary of a deep shadow map's curve nodes in one sentence: total, mean, largest number, and tiles without stored
+/// curves.
 pub fn summary(map: &NodeMap) -> String {
     let histogram = map.histogram();
     let total: u64 = histogram.iter().zip(0..).map(|(texels, nodes)| texels * nodes).sum();
@@ -35,7 +38,7 @@ pub fn summary(map: &NodeMap) -> String {
 }
 
 /// Draws the largest number of curve nodes of any texel in each tile of a deep shadow map, as a false-colour PNG
-/// file. Skipped tiles are grey. Texel (0, 0) is at the top left.
+/// file. Tiles without stored curves are grey. Texel (0, 0) is at the top left.
 ///
 /// # Errors
 /// The image cannot be drawn or encoded.
@@ -89,8 +92,8 @@ pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
     drawing
 }
 
-/// Returns the height of each histogram bar in percent of the texels with curve nodes, and how many node counts share
-/// one bar.
+/// Returns the bar heights of the curve-node histogram, in percent of the texels with nodes, and the number of node
+/// counts that each bar covers.
 fn bars(histogram: &[u64]) -> (Vec<f64>, usize) {
     let with_nodes = &histogram[1..];
     let texels: u64 = with_nodes.iter().sum();

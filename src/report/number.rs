@@ -19,7 +19,8 @@ pub fn significant(x: f64, digits: usize) -> String {
     format!("{x:.decimals$}")
 }
 
-/// Formats a similarity such as SSIM with enough digits to show three digits of its distance from 1.
+/// Formats a similarity index such as SSIM with enough decimals to show three significant digits of its distance from
+/// 1.
 pub fn near_one(x: f64) -> String {
     let missing = (1.0 - x).abs();
     if !missing.is_finite() {

@@ -20,14 +20,14 @@ use std::str::FromStr;
 /// Upper limit on the number of shards into which one comparison may be split.
 const MAX_SHARDS: u32 = 10_000;
 
-/// Record of one scene of a comparison and of the files that it was read from, as in `run.json`.
+/// Record of one scene of a comparison and of its input files, as `run.json` stores it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRecord {
-    /// Scene name in the comparison table.
+    /// Name of the scene in the comparison table.
     pub name: String,
-    /// File name of the scene file in the result folder; empty if there is none.
+    /// File name of the scene file (camera, lights and other settings) in the result folder; empty if there is none.
     pub file: String,
-    /// Text of the scene file with every setting, defaults included.
+    /// Text of the scene file; it contains every setting of the scene, defaults included.
     pub settings: String,
     /// SHA-256 of the volume's file, or of header and data file together; `None` for a built-in volume (phantom).
     pub volume_sha256: Option<String>,
@@ -35,35 +35,37 @@ pub struct SceneRecord {
     pub tf: String,
     /// File name of the transfer function in the result folder; empty for a preset.
     pub tf_file: String,
-    /// SHA-256 of the transfer function's text, with values in the volume's units.
+    /// SHA-256 of the transfer function in text form, with scalar values in the units of the volume.
     pub tf_sha256: String,
     /// Width and height of the scene's picture, pixels.
     pub size: [u32; 2],
-    /// Number of this scene's only light, from 1, if the scene is a copy with one light (`--each-light`); `None`
-    /// otherwise.
+    /// Index from 1 of the light that this copy of a scene keeps, if `--each-light` makes one copy per light;
+    /// otherwise `None`.
     #[serde(default)]
     pub light: Option<u32>,
 }
 
-/// Record of one row of the comparison table, in whichever shard it is measured, as in `run.json`.
+/// Record of one row of the comparison table, as `run.json` stores it; rows that other shards measure have records
+/// too.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowRecord {
-    /// Index of the scene to which the table row belongs, from 0.
+    /// Index of the scene to which a comparison-table row belongs, from 0.
     pub scene: usize,
-    /// Shadow method of the table row with its settings, as `METHOD:key=value,...`.
+    /// Shadow method of a comparison-table row with its settings, as `METHOD:key=value,...`.
     pub method: String,
-    /// Part of the file names of the table row's picture and other files.
+    /// Part of file names that identifies a comparison-table row, as in the names of its picture and difference
+    /// image.
     pub slug: String,
-    /// Whether the table row is measured in this folder, not in another shard.
+    /// Whether the shard (part of the comparison) of this folder measures the table row.
     pub here: bool,
-    /// Whether a search within a budget added the table row to the requested ones.
+    /// Whether the search for settings within a budget added this row to the comparison table.
     #[serde(default)]
     pub chosen: bool,
 }
 
 impl RowRecord {
-    /// Returns whether a measured table row has the recorded method and settings. The scene may have chosen the size
-    /// of its shadow map.
+    /// Returns whether a measured table row has the recorded shadow method and settings. A record without a
+    /// shadow-map size matches every size.
     pub fn is_of(&self, row: &Row) -> bool {
         self.method.parse::<MethodSpec>().is_ok_and(|spec| {
             (spec.entry().name, spec.label()) == (&*row.method, row.params.clone())
@@ -72,10 +74,11 @@ impl RowRecord {
     }
 }
 
-/// Part of a comparison that is measured separately: contains row `k`, from 0, if `k` modulo `of` is `index - 1`.
+/// Shard: part of a comparison that is measured separately. It contains table row `k`, from 0, if `k` modulo `of` is
+/// `index - 1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Number of this shard (part of a comparison), from 1.
+    /// Index of this shard (part of a comparison), from 1.
     pub index: u32,
     /// Number of shards into which the comparison is split.
     pub of: u32,
@@ -117,26 +120,27 @@ pub struct Run {
     pub profile: String,
     /// Command line with which the user started the comparison, one word per entry.
     pub command: Vec<String>,
-    /// Command line that measures the table again from the scene files in its folder.
+    /// Command line that measures the comparison table again from the scene files in its folder.
     pub again: String,
-    /// Name of the graphics adapter that measured the table; several are joined with semicolons.
+    /// Name of the graphics adapter that measured the comparison table; several are joined with semicolons.
     pub adapter: String,
     /// Names of all graphics adapters of a merged table; empty if there is only one.
     pub adapters: Vec<String>,
-    /// Driver of the graphics adapter that measured the table.
+    /// Driver of the graphics adapter that measured the comparison table.
     pub driver: String,
-    /// Number of threads for parallel work on the host.
+    /// Number of threads for parallel work on the host during the comparison.
     pub threads: u32,
     /// Shadow methods of the comparison, in the text form of `--methods`.
     pub methods: String,
-    /// Numbers of timing repeats, points, light rays and depths of the measurement.
+    /// Number of timing repeats, and numbers of points, light rays and depths at which errors are measured.
     pub effort: Effort,
     /// Memory and time budgets within which each shadow method's settings were tuned, in the syntax of `--budget`.
     #[serde(default)]
     pub budgets: Vec<String>,
-    /// Whether the cost of each optimization was measured as well (`--ablate`).
+    /// Whether the comparison also measured the cost of each optimization (`--ablate`).
     pub ablate: bool,
-    /// Number of this shard and number of all shards as `I/N`; `None` if the folder contains the whole comparison.
+    /// Index of this shard (part of the comparison) and number of shards, as `I/N`; `None` if the folder contains the
+    /// whole comparison.
     pub shard: Option<String>,
     /// Folders from which a merged comparison table was made; empty for a measured table.
     pub merged: Vec<String>,
@@ -144,9 +148,9 @@ pub struct Run {
     pub finished: bool,
     /// Records of the scenes on which shadow methods are compared.
     pub scenes: Vec<SceneRecord>,
-    /// Records of all rows of the comparison table, those of other shards included, in order.
+    /// Records of all rows of the comparison table, in order; rows that other shards measure are included.
     pub rows: Vec<RowRecord>,
-    /// Measurement conditions that the HTML report lists, as names and values.
+    /// Measurement conditions that the HTML report of the comparison lists, as names and values.
     pub conditions: Vec<(String, String)>,
     /// Notes for the reader on the measurement of the comparison table.
     pub notes: Vec<String>,
@@ -202,12 +206,12 @@ impl Run {
         self.scenes.iter().map(|s| s.name.clone()).collect()
     }
 
-    /// File name prefix of one scene's results; empty if the comparison has only one scene.
+    /// Prefix of the names of all result files of one scene; empty if the comparison has only one scene.
     pub fn prefix(&self, scene: usize) -> String {
         names::prefix(&self.scenes[scene].name, self.scenes.len() > 1)
     }
 
-    /// File name prefix of one scene's results on one graphics adapter.
+    /// Prefix of the names of all result files of one scene on one graphics adapter.
     pub fn prefix_of(&self, scene: &str, adapter: &str) -> String {
         let prefix = names::prefix(scene, self.scenes.len() > 1);
         if self.adapters.len() > 1 { names::adapter_prefix(&prefix, adapter) } else { prefix }
@@ -273,12 +277,12 @@ impl Run {
         files.into_iter().unique().collect()
     }
 
-    /// Parts of the file names of the plots for one scene, one part for each graphics adapter.
+    /// Parts of the plots' file names that name the scene and the graphics adapter; one part per adapter.
     fn plot_parts(&self, scene: usize) -> Vec<String> {
         self.prefixes(scene).iter().map(|prefix| prefix.trim_end_matches('_').to_owned()).collect()
     }
 
-    /// File name prefixes of one scene's results, one prefix for each graphics adapter.
+    /// Prefixes of the names of one scene's result files, one prefix for each graphics adapter.
     fn prefixes(&self, scene: usize) -> Vec<String> {
         let prefix = self.prefix(scene);
         match self.adapters.len() {
@@ -287,8 +291,8 @@ impl Run {
         }
     }
 
-    /// Describes the first difference between two comparisons in scenes or numbers of samples, if any; the numbers of
-    /// timing repeats may differ.
+    /// Describes the first difference between two comparisons in their scenes or numbers of points, rays and depths;
+    /// `None` if they agree. The numbers of timing repeats may differ.
     pub fn sweep_differs(&self, other: &Self) -> Option<String> {
         let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
         if effort(self) != effort(other) {
@@ -325,7 +329,7 @@ impl Run {
     }
 }
 
-/// Describes the first difference between two lists of scenes, if any.
+/// Describes the first difference between the scenes of two comparisons; `None` if they agree.
 fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String> {
     let names = |scenes: &[SceneRecord]| scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     if names(these) != names(those) {

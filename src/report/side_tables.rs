@@ -1,10 +1,10 @@
-//! Column names, units and descriptions of all result tables except `compare.csv`.
+//! Column names, units and descriptions of all result tables except the comparison table `compare.csv`.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Description of a result table other than `compare.csv`: its file and its columns.
+/// Description of a result table other than the comparison table `compare.csv`: its file and its columns.
 #[derive(Debug, Deserialize)]
 pub struct SideTable {
     /// File name of the result table, for example `ablation.csv`.
@@ -15,7 +15,7 @@ pub struct SideTable {
     pub columns: Vec<[String; 3]>,
 }
 
-/// Descriptions of all result tables except `compare.csv`, read from `side_tables.toml`.
+/// Descriptions of all result tables except the comparison table `compare.csv`, read from `side_tables.toml`.
 pub static SIDE_TABLES: LazyLock<Vec<SideTable>> = LazyLock::new(|| {
     // A test reads the built-in file.
     let file: Option<BTreeMap<String, Vec<SideTable>>> =

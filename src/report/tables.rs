@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 /// Layout of the readable comparison tables: chosen columns, and width of the LaTeX table and of figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    /// Chosen columns by their names in `compare.csv`. With `None`, LaTeX and the terminal show a few columns, and
-    /// Markdown shows most.
+    /// Columns that the user chose, by their names in `compare.csv`. With `None`, LaTeX and the terminal show a few
+    /// columns, and Markdown shows most.
     pub columns: Option<Vec<String>>,
-    /// Largest width of the LaTeX table and width of the figure of all pictures, points.
+    /// Largest width of the LaTeX table, and width of the figure of all methods' pictures, points.
     pub tex_width_pt: f64,
 }
 
@@ -42,8 +42,8 @@ impl Default for Layout {
     }
 }
 
-/// Returns the comparison table's main columns as Markdown with a caption, then the notes of rows and the most
-/// accurate shadow method within each budget.
+/// Returns the main columns of the comparison table as Markdown with a caption. Notes on single rows and the most
+/// accurate shadow method within each budget follow below the table.
 pub fn summary(rows: &[Row], layout: &Layout) -> String {
     let few: Vec<TableColumn> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
@@ -64,7 +64,7 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Markdown list of the most accurate shadow method within each budget; empty without budgets.
+/// Markdown list of the most accurate shadow method within each memory or time budget; empty without budgets.
 fn answers(rows: &[Row]) -> String {
     let lines = budget_lines(rows);
     if lines.is_empty() {
@@ -74,13 +74,13 @@ fn answers(rows: &[Row]) -> String {
     format!("\nClosest within each budget, settings tuned for it:\n\n{lines}")
 }
 
-/// Returns one text line for each budget and error measure, with the most accurate shadow method and the next one.
+/// Returns one text line for each budget and error measure: the most accurate shadow method and the second best.
 pub fn budget_lines(rows: &[Row]) -> Vec<String> {
     lines(rows, &|row| full_name(row, rows))
 }
 
-/// Returns the comparison table as Markdown with a caption. Notes on single rows and skipped work follow below the
-/// table.
+/// Returns the comparison table as Markdown with a caption. Below it are notes on single rows, the best shadow method
+/// within each budget, and the rendering steps skipped as unnecessary.
 pub fn markdown(rows: &[Row], layout: &Layout) -> String {
     let mut out = markdown_table(rows, &picked(layout, SHOWN.to_vec()));
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
@@ -147,7 +147,7 @@ pub fn write_tables(
     Ok((write_files(folder, files)?, remarks))
 }
 
-/// Text on how the comparison table was measured, with the command line that measures it again.
+/// Markdown text on how the comparison table was measured, with the command line that measures it again.
 fn provenance(run: &Run) -> String {
     let mut out = format!(
         "\nMade by umbravox {}, revision {} ({}), on {} ({}).",
@@ -177,7 +177,8 @@ fn provenance(run: &Run) -> String {
     out
 }
 
-/// Table columns that a layout chooses, or `otherwise` if it chooses none.
+/// Returns the table columns that the user chose, or `otherwise` if there are none. Conditions such as scene and
+/// adapter are added to the chosen columns.
 fn picked(layout: &Layout, otherwise: Vec<TableColumn>) -> Vec<TableColumn> {
     // `check` has validated the names; an unknown name selects the default columns.
     let own = layout.columns.as_deref().and_then(|names| chosen(names).ok());
@@ -188,14 +189,14 @@ fn picked(layout: &Layout, otherwise: Vec<TableColumn>) -> Vec<TableColumn> {
     conditions.chain(&own).copied().collect()
 }
 
-/// Returns the caption and the columns of the LaTeX table: those of the layout, or a few default columns.
+/// Returns the caption and the columns of the LaTeX table: the columns that the user chose, or a few default columns.
 fn layout(rows: &[Row], layout: &Layout) -> (String, Vec<TableColumn>) {
     let few = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     filled(rows, &picked(layout, few))
 }
 
-/// Splits table columns into a caption and visible columns. The caption has the values that all rows share, ignoring
-/// empty cells of failed rows. Columns without any value are dropped.
+/// Returns the caption and the visible columns of a comparison table. A measurement condition that is equal in all
+/// rows moves to the caption, and columns without any value are dropped.
 fn filled(rows: &[Row], wanted: &[TableColumn]) -> (String, Vec<TableColumn>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
     for s in wanted {
@@ -215,12 +216,12 @@ fn heading(s: &TableColumn) -> String {
     if s.unit.is_empty() { s.heading.to_string() } else { format!("{} [{}]", s.heading, s.unit) }
 }
 
-/// Shadow method and settings of a table row, as text.
+/// Shadow method and settings of a comparison-table row, as text.
 fn name(row: &Row) -> String {
     if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
 }
 
-/// Shadow method and settings of a table row, with scene and shadow-map size if these differ between rows.
+/// Shadow method and settings of a comparison-table row, with scene and shadow-map size if these differ between rows.
 fn full_name(row: &Row, rows: &[Row]) -> String {
     let scene =
         if rows.iter().any(|r| r.scene != row.scene) { format!("{}: ", row.scene) } else { String::new() };

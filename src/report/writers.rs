@@ -81,8 +81,8 @@ pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     })
 }
 
-/// Returns a result table other than `compare.csv` as CSV, with the columns of its [`SideTable`]. `own` returns the
-/// text of a column by its name; where it returns `None`, the value is from the comparison table's row.
+/// Returns a result table other than the comparison table as CSV, with the columns of its [`SideTable`] description.
+/// `own` returns the value of a column by name; for `None`, the value is from the comparison-table row.
 ///
 /// # Errors
 /// See [`csv()`].

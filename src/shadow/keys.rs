@@ -1,10 +1,10 @@
-//! Settings (keys) that several shadow methods share, with their value types.
+//! Settings (keys) that several shadow methods share, with the types of their values.
 
 use super::settings::{Key, When, choices};
 use crate::field::{MapShape, March};
 
 choices! {
-    /// March of light rays: cell by cell and exact, or by samples at regular distances.
+    /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular distances.
     pub enum MarchBy {
         /// Marches light rays cell by cell and integrates each cell exactly.
         Cells = "cells",
@@ -14,8 +14,8 @@ choices! {
 }
 
 impl MarchBy {
-    /// Returns the march of light rays; `step` is the distance between regular samples in units of the smallest voxel
-    /// spacing.
+    /// Combines the way in which light rays are marched with the distance `step` between regular samples, in units of
+    /// the smallest voxel spacing.
     pub fn with_step(self, step: f64) -> March {
         match self {
             Self::Cells => March::Cells,
@@ -25,7 +25,8 @@ impl MarchBy {
 }
 
 choices! {
-    /// Occluder from which a shadow map is built: the volume, or the strands that it was made from.
+    /// Geometry from which a shadow map is built: the voxels of the volume, or the strands (line segments of hair or
+    /// fibres) from which the volume was made.
     pub enum DrawnFrom {
         /// Builds the shadow map from the voxels of the volume.
         Voxels = "voxels",
@@ -35,8 +36,8 @@ choices! {
 }
 
 impl DrawnFrom {
-    /// Returns how light rays are marched through the occluder (volume or strands); `step` is the distance between
-    /// regular samples in units of the smallest voxel spacing.
+    /// Returns the way in which a light ray meets the shadow-casting geometry: cell by cell, by samples `step`
+    /// smallest voxel spacings apart, or as drawn strands.
     pub fn march(self, march: MarchBy, step: f64) -> March {
         match self {
             Self::Voxels => march.with_step(step),
@@ -45,11 +46,12 @@ impl DrawnFrom {
     }
 }
 
-/// Name of the setting that selects the occluder of a shadow map.
+/// Name of the setting that selects the geometry (voxels or strands) from which a shadow map is built.
 const FROM: &str = "from";
-/// Condition of settings that have no effect where strands cast the shadows (`from=lines`).
+/// Condition under which some settings of a shadow method have an effect: voxels cast the shadows, not strands
+/// (`from=lines`).
 pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
-/// Setting `from`: occluder from which a shadow map is built.
+/// Setting `from`: geometry (voxels or strands) from which a shadow map is built.
 pub(super) const FROM_KEY: Key = Key::choice(
     DrawnFrom::NAMES,
     "voxels",
@@ -68,24 +70,25 @@ pub(super) const MAP_KEY: Key = Key::whole_or(
 .search(&["64", "96", "128", "192", "256", "384", "512", "768", "1024"]);
 
 choices! {
-    /// Region that a shadow map covers: the visible bricks with extinction, or all bricks with extinction.
+    /// Region that the shadow map covers: the bricks (blocks of voxels) with extinction that the camera sees, or all
+    /// bricks with extinction.
     pub enum Fit {
-        /// Covers the bricks with extinction that the camera sees.
+        /// Makes the shadow map cover the bricks (blocks of voxels) with extinction that the camera sees.
         View = "view",
-        /// Covers all bricks of the volume that have extinction.
+        /// Makes the shadow map cover all bricks (blocks of voxels) with extinction.
         Volume = "volume",
     }
 }
 
 impl Fit {
-    /// Returns the size, coverage and light-ray march of a shadow map with `texels` texels per side (`None`: chosen
-    /// from the scene).
+    /// Returns the description of a shadow map: texels per side (`None`: chosen from the scene), covered region, and
+    /// way of marching light rays.
     pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
         MapShape { texels, fits_view: self == Self::View, reach: 1, march }
     }
 }
 
-/// Setting `fit`: region that a shadow map covers.
+/// Setting `fit`: region that a shadow map covers, the visible part of the volume or all of it.
 pub(super) const FIT_KEY: Key = Key::choice(
     Fit::NAMES,
     "view",
@@ -103,7 +106,8 @@ choices! {
 }
 
 choices! {
-    /// Sharing of shadow map queries among neighbouring samples of a camera ray.
+    /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each makes
+    /// its own.
     pub enum Lookups {
         /// Makes one transmittance query for up to four neighbouring samples of a camera ray.
         Shared = "shared",
@@ -112,14 +116,14 @@ choices! {
     }
 }
 
-/// Name of the setting that selects the march of light rays.
+/// Name of the setting that selects how light rays are marched: cell by cell or by regular samples.
 pub(super) const MARCH: &str = "march";
 /// Setting `march`: light rays are marched cell by cell or by regular samples.
 pub(super) const MARCH_KEY: Key =
     Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
         .coarse("samples")
         .when(UNLESS_LINES);
-/// Setting `step`: distance between regular samples along light rays.
+/// Setting `step`: distance between regular samples along light rays, in units of the smallest voxel spacing.
 pub(super) const STEP_KEY: Key = Key::number(
     [0.01, 8.0],
     "0.5",
@@ -127,14 +131,14 @@ pub(super) const STEP_KEY: Key = Key::number(
 )
 .when(When::Is(MARCH, "samples"));
 
-/// Setting `lookup`: sharing of shadow map queries among samples of a camera ray.
+/// Setting `lookup`: whether neighbouring samples of a camera ray share one transmittance query of the shadow map.
 pub(super) const LOOKUP_KEY: Key = Key::choice(
     Lookups::NAMES,
     "shared",
     "lookups of light by eye samples: shared by up to four, or one for each",
 );
 
-/// Setting `filter`: interpolation between shadow map texels.
+/// Setting `filter`: interpolation between shadow map texels, nearest or bilinear.
 pub(super) const FILTER_KEY: Key =
     Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
 
@@ -149,17 +153,18 @@ macro_rules! settings {
         $crate::shadow::keys::settings! {
             $(#[$meta])* $vis struct $name {
                 $($(#[$doc])* $field: $ty = $key,)*
-                /// Occluder that casts the shadows: the voxels of the volume, or the line segments of the strands
-                /// that it was made from.
+                /// Geometry that casts the shadows: the voxels of the volume, or the strands (line segments of hair
+                /// or fibres) from which the volume was made.
                 from: $crate::shadow::keys::DrawnFrom = $crate::shadow::keys::FROM_KEY,
-                /// March of light rays: cell by cell and exact, or by samples at regular distances.
+                /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
+                /// distances.
                 march: $crate::shadow::keys::MarchBy = $crate::shadow::keys::MARCH_KEY,
                 /// Distance between regular samples along a light ray, in units of the smallest voxel spacing.
                 step: f64 = $crate::shadow::keys::STEP_KEY,
                 /// Number of shadow map texels per side; `None` if chosen from the scene.
                 map: Option<u32> = $crate::shadow::keys::MAP_KEY,
-                /// Region that the shadow map covers: the visible bricks with extinction, or all bricks with
-                /// extinction.
+                /// Region that the shadow map covers: the bricks (blocks of voxels) with extinction that the camera
+                /// sees, or all bricks with extinction.
                 fit: $crate::shadow::keys::Fit = $crate::shadow::keys::FIT_KEY,
                 /// Interpolation between the shadow map texels around a point: nearest or bilinear.
                 filter: $crate::shadow::Filter = $crate::shadow::keys::FILTER_KEY,
@@ -168,7 +173,7 @@ macro_rules! settings {
         }
 
         impl $name {
-            /// Returns the size and coverage of the shadow map, with the march of its light rays.
+            /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
             pub(super) fn shape(&self) -> $crate::field::MapShape {
                 self.fit.shape(self.map, self.from.march(self.march, self.step))
             }

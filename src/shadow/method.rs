@@ -10,23 +10,25 @@ use crate::gpu::{Group, ShaderVariant, Span};
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-/// Registry entry of a shadow method: name, settings, constructor and default uses.
+/// Registry entry of a shadow method: name, settings, constructor, and the settings with which tables and tests use
+/// it by default.
 pub struct Entry {
     /// Name of the shadow method on the command line and in tables.
     pub name: &'static str,
     /// Description of the shadow method in one line, for `--help` and the window.
     pub summary: &'static str,
-    /// Descriptions of the shadow method's settings.
+    /// Descriptions of all settings of the shadow method: names, allowed values, defaults and help.
     pub keys: &'static [Key],
-    /// Creates the shadow method from values of its settings, in the order of `keys`; returns `None` if they do not
-    /// fit.
+    /// Creates the shadow method from values of its settings, in the order of `keys`; returns `None` if a value does
+    /// not fit its setting.
     pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
-    /// Specifications of this shadow method in the default comparison table, in command-line syntax; empty for none.
+    /// Settings with which this shadow method appears in the default comparison table of shadow methods, in
+    /// command-line syntax; empty for none.
     pub compared: &'static str,
-    /// Specifications of this shadow method in the default plot of `umbravox probe --curve`, in command-line syntax;
-    /// empty for none.
+    /// Settings with which `umbravox probe --curve` plots this shadow method's transmittance by default, in
+    /// command-line syntax; empty for none.
     pub curve: &'static str,
-    /// Specifications of this shadow method in the test cases of `umbravox stability`, in command-line syntax.
+    /// Settings with which `umbravox stability` tests this shadow method by default, in command-line syntax.
     pub stability: &'static str,
     /// Colour and marker of the shadow method in every figure.
     pub style: Style,
@@ -78,7 +80,7 @@ impl MethodSpec {
         Some(self)
     }
 
-    /// Whether the given setting of the shadow method has the value `word` and has an effect.
+    /// Whether the given setting of the shadow method has the value `word`, and no other setting disables it.
     pub fn is_set(&self, key: &str, word: &'static str) -> bool {
         self.settings().any(|(k, value)| k.name == key && value == Value::Choice(word) && self.applies(k))
     }
@@ -88,7 +90,7 @@ impl MethodSpec {
         if let Some(Value::Whole(side)) = self.value(MAP) { Some(side) } else { None }
     }
 
-    /// Creates the shadow method with the specified settings.
+    /// Creates the shadow method from this specification.
     ///
     /// # Errors
     /// The values do not fit the settings of the method.
@@ -144,7 +146,7 @@ impl PartialEq for MethodSpec {
     }
 }
 
-/// `Eq` holds for method specifications: no value is NaN, since every number has a range.
+/// Equality of shadow method specifications is total (`Eq`): no setting can be NaN, since every number has a range.
 impl Eq for MethodSpec {}
 
 impl Hash for MethodSpec {
@@ -168,16 +170,15 @@ pub struct Bound {
     pub depth_mm: f64,
     /// Bound on the distance by which a light ray is displaced sideways by rounding, mm.
     pub lateral_mm: f64,
-    /// Bound on the error of the volume's values along a light ray, in units of the values.
+    /// Bound on the error of the interpolated volume value along a light ray, in units of that value.
     pub value: f64,
-    /// Distance from a point light within which the error bound does not hold, mm: float32 does not resolve texels
-    /// there.
+    /// Distance from a point light within which the error bound of the shadow method does not hold, mm: float32 does
+    /// not resolve texels there.
     pub from_light_mm: f64,
 }
 
 impl Bound {
-    /// Returns the error bound that the shadow maps of several lights all satisfy; `None` if one of them has no
-    /// bound.
+    /// Returns the error bound that the shadow maps of all lights satisfy; `None` if one of them has no bound.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
         let looser = |a: Self, b: Self| Self {
             transmittance: a.transmittance.max(b.transmittance),
@@ -197,8 +198,8 @@ impl Bound {
 pub struct Lookup(ShaderVariant);
 
 impl Lookup {
-    /// Creates a transmittance query from the modules of a [`field_shader`](crate::field::field_shader), whose entry
-    /// point is ignored.
+    /// Creates the shader code of a transmittance query from the modules of a
+    /// [`field_shader`](crate::field::field_shader); the entry point of that shader is ignored.
     pub fn new(shader: ShaderVariant) -> Self {
         Self(shader)
     }
@@ -209,49 +210,51 @@ impl Lookup {
         Self(self.0.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")))
     }
 
-    /// Returns the shader variant of an entry point that makes transmittance queries.
+    /// Returns the shader with the given entry file, together with the code of the transmittance query.
     pub fn within(&self, entry: &'static str) -> ShaderVariant {
         ShaderVariant { entry, ..self.0.clone() }
     }
 
-    /// Whether a transmittance query marches a whole light ray; pictures are then drawn in several dispatches.
+    /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
     pub fn marches(&self) -> bool {
         marches_cells(&self.0)
     }
 }
 
-/// Pass of a published shadow method that was skipped, since nothing would read its result.
+/// Rendering pass of a published shadow method that this implementation skips, since nothing would read its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
-    /// Name of the skipped pass of a shadow method.
+    /// Name of the skipped rendering pass of a published shadow method.
     pub what: &'static str,
-    /// Reason why a pass of a shadow method was skipped.
+    /// Reason why a rendering pass of a published shadow method was skipped.
     pub why: &'static str,
-    /// Name with which `--no-skip` makes the skipped pass run; `None` if it cannot run.
+    /// Name under which `--no-skip` runs the rendering pass after all; `None` if the pass must stay skipped.
     pub optional: Option<Optimization>,
 }
 
-/// Ratio between linear and logarithmic division into layers that a search chose for a shadow map.
+/// Result of a search for the best ratio of linear to logarithmic layers of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplitChoice {
-    /// Ratio of the division of a shadow map into layers, from linear (0) to logarithmic (1).
+    /// Ratio that was chosen for the layers of a shadow map, from linear (0) to logarithmic (1) spacing.
     pub ratio: f64,
-    /// Mean correlation of neighbouring layers of a shadow map; 1 for equal layers.
+    /// Mean correlation of neighbouring layers of a shadow map at the chosen ratio of linear to logarithmic layers; 1
+    /// for equal layers.
     pub correlation: f64,
 }
 
 /// Cost and size of a built shadow map.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
-    /// Host time of the shadow map build without the passes on the device, ms; the renderer sets it.
+    /// Time that the host spent on the shadow map build, without its GPU passes, ms; the renderer sets it.
     pub host_ms: f64,
-    /// Time of the device passes of the shadow map build, including repetitions and searches; `None` without passes.
+    /// Time of all GPU passes of the shadow map build, including repetitions and searches; `None` without passes.
     pub device: Option<Span>,
     /// Memory allocated for the shadow map that transmittance queries read, bytes.
     pub bytes: u64,
-    /// Memory of the shadow map that transmittance queries can reach, bytes.
+    /// Part of the shadow map's memory that transmittance queries can read, bytes.
     pub bytes_used: u64,
-    /// Whether a buffer size of the shadow map was guessed, so that `bytes` of the next build will differ.
+    /// Whether the build had to guess a buffer size, so that the next build of the shadow map will take a different
+    /// amount of memory.
     pub guessed: bool,
     /// Number of curve nodes stored in the whole shadow map.
     pub nodes_total: Option<u64>,
@@ -259,20 +262,20 @@ pub struct BuildReport {
     pub nodes_max: Option<u64>,
     /// Number of shadow map texels whose light ray meets extinction.
     pub texels_hit: Option<u64>,
-    /// Number of texels in which the optimal compression met too many hull corners, so that it may store more curve
-    /// nodes than necessary.
+    /// Number of shadow map texels whose curve was too complex for the fixed buffers of `compress=optimal`, so that
+    /// it may have more nodes than necessary.
     pub texels_narrowed: Option<u64>,
     /// Number of tiles of the shadow map.
     pub tiles: u32,
-    /// Number of shadow map tiles that are skipped, since they cover no brick with extinction.
+    /// Number of shadow map tiles that are skipped, since they cover no part of the volume with extinction.
     pub tiles_left_out: u32,
     /// Memory saved by skipped shadow map tiles, bytes.
     pub bytes_left_out: u64,
-    /// Number of repetitions of the shadow map build because the pool of node rows was too small.
+    /// Number of times that the shadow map build was repeated because the texture for curve nodes was too small.
     pub pool_growths: u32,
     /// Passes of the published shadow method that the build skipped.
     pub passes_left_out: &'static [PassLeftOut],
-    /// Ratio chosen for the division of the shadow map into layers; `None` if no search chose one.
+    /// Result of the search for a ratio of linear to logarithmic layers; `None` if the shadow map needed no search.
     pub split_choice: Option<SplitChoice>,
 }
 
@@ -282,12 +285,13 @@ impl BuildReport {
         u64::from((self.tiles - self.tiles_left_out) * TILE_TEXELS)
     }
 
-    /// Sets the host time of a shadow map build that took `all_ms` in total, device time included.
+    /// Sets the host time of a shadow map build from its total time `all_ms`, by subtracting the time of GPU passes.
     pub fn set_host_ms(&mut self, all_ms: f64) {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
     }
 
-    /// Returns the sum of the build reports of several lights' shadow maps; `nodes_max` is their maximum.
+    /// Returns the total cost and size of the shadow maps of several lights; only `nodes_max` is the maximum instead
+    /// of the sum.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
         maps.into_iter().map(|map| map.report).reduce(Self::plus).unwrap_or_default()
     }
@@ -317,13 +321,13 @@ impl BuildReport {
         }
     }
 
-    /// Returns the time of the shadow map build on host and device, by the more precise clock, ms.
+    /// Returns the time of the shadow map build, ms: host time plus GPU time, by GPU timestamps if there are any.
     pub fn build_ms(&self) -> f64 {
         self.host_ms + self.device.map_or(0.0, |s| s.best().0)
     }
 }
 
-/// Shape of a shadow method's transmittance curve along a light ray.
+/// Guarantee on the transmittance of a shadow method along a light ray: falling, within 0 and 1, or neither.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Curve {
     /// Transmittance never rises with depth and stays within 0 and 1.
@@ -331,16 +335,17 @@ pub enum Curve {
     Falls,
     /// Transmittance stays within 0 and 1, but may rise with depth.
     Stays,
-    /// Transmittance may rise with depth and exceed 1, as a ringing series does.
+    /// Transmittance may rise with depth and exceed 1, as with a truncated Fourier series.
     Rings,
 }
 
-/// Light rays whose mean transmittance a shadow map stores for the centre of a texel.
+/// Light rays whose mean transmittance is the result of a query at the centre of a shadow map texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
-    /// Rays within the texel: 1, 5 or 9 of them (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
+    /// Light rays within one shadow map texel: 1, 5 or 9 of them (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
     Within(u32),
-    /// Rays through the centres of a square of shadow map texels; the number is the texels per side of the square.
+    /// Light rays through the centres of a square of shadow map texels; the number is the width of the square in
+    /// texels.
     Texels(u32),
 }
 
@@ -348,11 +353,11 @@ pub enum Taps {
 pub struct ShadowMap {
     /// Name of the shadow method that built this shadow map.
     pub method: &'static str,
-    /// Bind group 1 of shaders that query the shadow map.
+    /// Resources of the shadow map that shaders bind in group 1.
     pub(crate) group: Group,
     /// Shader code of transmittance queries; `None` if every point is fully lit.
     pub lookup: Option<Lookup>,
-    /// Projection of the light onto the shadow map.
+    /// Projection of world positions onto the shadow map, as seen from the light.
     pub light_space: LightSpace,
     /// Cost and size of the built shadow map.
     pub report: BuildReport,
@@ -360,7 +365,7 @@ pub struct ShadowMap {
     pub bound: Option<Bound>,
 }
 
-/// Shadow method with its settings.
+/// Interface of a shadow method with given values of its settings.
 pub trait Method: std::fmt::Debug + Send + Sync {
     /// Returns the registry entry of the shadow method.
     fn entry(&self) -> &'static Entry;
@@ -372,11 +377,11 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     fn passes(&self) -> Vec<ShaderVariant> {
         Vec::new()
     }
-    /// Returns the light rays whose mean transmittance a query at a texel's centre gives.
+    /// Returns the light rays whose mean transmittance is the result of a query at the centre of a shadow map texel.
     fn taps(&self) -> Taps {
         Taps::Within(1)
     }
-    /// Returns the shape of the method's transmittance curve along a light ray.
+    /// Returns the guarantee on the method's transmittance along a light ray: falling, within 0 and 1, or neither.
     fn curve(&self) -> Curve {
         Curve::Falls
     }
@@ -396,7 +401,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         MethodSpec::new(self.entry(), self.values())
     }
 
-    /// Returns the label of the shadow method's settings for tables ([`MethodSpec::label`]).
+    /// Returns the settings of the shadow method as a short text for tables ([`MethodSpec::label`]).
     fn params(&self) -> String {
         self.spec().label()
     }
@@ -409,7 +414,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         is_sampled.then(|| spec.with(MARCH, "cells")?.method().ok()).flatten()
     }
 
-    /// Whether the shadow method has a map of texels.
+    /// Whether the shadow method stores a map of texels, as seen from the light.
     fn has_map(&self) -> bool {
         self.entry().keys.iter().any(|key| key.name == MAP)
     }

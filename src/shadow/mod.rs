@@ -1,16 +1,16 @@
 //! Shadow methods, each in one folder and one line of the [`registry`].
 //!
 //! A method declares its settings ([`settings`]), builds a shadow map (or other shadow data structure), provides the
-//! shader that queries it for transmittance, and states an error bound. Light space, march, tiles, ray caster,
-//! queries, tables, plots, `--help` and the window work with any method. `docs/adding-a-method.md` adds one step by
-//! step.
+//! shader that queries it for transmittance, and states an error bound. The march of light rays, the ray caster,
+//! tables, plots, `--help` and the window work with any method. `docs/adding-a-method.md` adds a method step by step.
 //!
 //! # Interface of a method's shaders
 //! * Bind group 0 is the field, i.e. volume and transfer function (`shaders/field/`). Binding 0 of group 1 is the
 //!   light space (`umbravox::light`), which [`BuildContext`] and [`TileMarch`] bind. The rest of group 1 belongs to
-//!   the method. A map of tiles has its table at binding 2.
+//!   the method. A shadow map of tiles has the table of its tiles at binding 2.
 //! * A build is one or more passes, most of them over tiles through [`TileMarch`]. A pass that marches light rays
-//!   (`umbravox::march`) calls the method's `umbravox::sink`; `shaders/field/march.wgsl` states the contract.
+//!   (`umbravox::march`) passes the matter along each ray to the method's module `umbravox::sink`;
+//!   `shaders/field/march.wgsl` states the contract.
 //! * A query for transmittance is a module `umbravox::method` with `fn transmittance(g: vec3<f32>) -> f32`;
 //!   `shaders/render/raycast.wgsl` states the contract.
 //! * Constants that Rust and shaders share come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).

@@ -1,5 +1,6 @@
-//! Registry of all shadow methods, and the parser of method lists. A method is `NAME[:key=value,...]`, and `;`
-//! separates methods. A value without `=` is one more value of the key before it.
+//! Registry of all shadow methods, and the parser of lists of methods. A method is written
+//! `NAME[:setting=value,...]`, and `;` separates methods. A value without `=` is one more value of the setting before
+//! it.
 
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
@@ -11,7 +12,8 @@ use std::sync::LazyLock;
 
 const WHAT: &str = "bad shadow method";
 
-/// Largest number of shadow methods with settings that one text may expand to; more is taken as a typing error.
+/// Largest number of combinations of settings that the text of one shadow method may stand for; more is taken as a
+/// typing error.
 const MAX_COMBINATIONS: usize = 10_000;
 
 /// Registry entries of all shadow methods, in the order of tables and menus.
@@ -36,14 +38,14 @@ pub fn entry(name: &str) -> Option<&'static Entry> {
     METHODS.iter().copied().find(|m| m.name == name)
 }
 
-/// Shadow methods of the default comparison table, in command-line syntax.
+/// Shadow methods that the comparison table measures by default, with their settings, in command-line syntax.
 pub static COMPARED: LazyLock<String> = LazyLock::new(|| joined(|m| m.compared));
-/// Shadow methods of the default plot of `umbravox probe --curve`, in command-line syntax.
+/// Shadow methods whose transmittance `umbravox probe --curve` plots by default, in command-line syntax.
 pub static CURVES: LazyLock<String> = LazyLock::new(|| joined(|m| m.curve));
-/// Shadow methods of the default test cases of `umbravox stability`, in command-line syntax.
+/// Shadow methods that `umbravox stability` tests by default, in command-line syntax.
 pub static STABILITY: LazyLock<String> = LazyLock::new(|| joined(|m| m.stability));
 
-/// Joins one text from every shadow method's registry entry with `;`.
+/// Joins one field of all registry entries of shadow methods to a list separated by `;`.
 fn joined(list: impl Fn(&Entry) -> &'static str) -> String {
     METHODS.iter().map(|m| list(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
 }
@@ -92,7 +94,7 @@ impl MethodSpec {
 }
 
 impl Default for MethodSpec {
-    /// Returns deep shadow maps with default settings.
+    /// Returns the default shadow method: deep shadow maps with default settings.
     fn default() -> Self {
         Self::default_of(&dsm::ENTRY)
     }
@@ -150,7 +152,8 @@ impl<'a> Written<'a> {
         Ok(Self { name, params })
     }
 
-    /// Returns one method specification for every combination of the written values.
+    /// Returns one method specification for every combination of the values that the command line lists for its
+    /// settings.
     fn expand(&self) -> Result<Vec<MethodSpec>> {
         let count = self.params.iter().try_fold(1_usize, |n, (_, values)| n.checked_mul(values.len()));
         if count.is_none_or(|n| n > MAX_COMBINATIONS) {
@@ -182,7 +185,7 @@ impl<'a> Written<'a> {
         Ok(specs)
     }
 
-    /// Returns an error if a given setting has no effect under the values of the other settings.
+    /// Returns an error if the command line gives a setting that other settings of the same shadow method disable.
     fn check_effect(&self, spec: &MethodSpec) -> Result<()> {
         for key in spec.entry.keys.iter().filter(|key| self.params.iter().any(|(name, _)| *name == key.name))
         {

@@ -4,15 +4,16 @@ use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Key, Kind, Value, applies};
 
-/// Axis of the search space: a setting of a shadow method with the values that are tried.
+/// Axis of the search space of a shadow method: one setting with the values that a search tries.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Index of the setting in the registry entry's `keys`.
+    /// Index of the setting among all settings of its shadow method.
     key: usize,
     values: Vec<Value>,
-    /// Index of the setting's default among the tried values; the middle value if the scene chooses the default.
+    /// Index of the setting's default among the values that a search tries; the middle value if the scene chooses the
+    /// default.
     default: usize,
-    /// Whether the tried values of the setting are numbers, in the order of non-decreasing memory.
+    /// Whether the values that a search tries for the setting are numbers, in the order of non-decreasing memory.
     pub ordered: bool,
 }
 
@@ -28,15 +29,15 @@ impl Axis {
         Self { key: at, values, default, ordered }
     }
 
-    /// Returns the number of values that are tried for this setting.
+    /// Returns the number of values that a search tries for this setting of a shadow method.
     #[expect(clippy::len_without_is_empty, reason = "never empty")]
     pub fn len(&self) -> usize {
         self.values.len()
     }
 }
 
-/// Search space of a shadow method's settings. A point of the space (`place`) has one index into the values of each
-/// axis.
+/// Search space of a shadow method: all combinations of the values that a search tries for its settings. A point of
+/// the space (`place`) is one index for each axis.
 #[derive(Clone)]
 pub struct SearchSpace {
     defaults: MethodSpec,
@@ -58,13 +59,13 @@ impl SearchSpace {
         &self.axes
     }
 
-    /// Returns the point of the search space at which a search starts.
+    /// Returns the point of the search space at which a search for the best settings of a shadow method starts.
     pub fn default_place(&self) -> Vec<usize> {
         self.axes.iter().map(|axis| axis.default).collect()
     }
 
-    /// Moves settings without effect to their defaults, so that equivalent settings are one point of the search
-    /// space.
+    /// Replaces settings without effect by their defaults in a point of the search space, so that equivalent settings
+    /// are the same point.
     pub fn canonical(&self, place: &[usize]) -> Vec<usize> {
         let (keys, values) = (self.defaults.entry().keys, self.values(place));
         let canonical = |(axis, index): (&Axis, &usize)| {

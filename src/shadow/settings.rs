@@ -1,35 +1,38 @@
-//! Typed settings (keys) of shadow methods. Each method declares the name, values, default and help of its settings
-//! once; parsing, errors, `--help`, table columns, the window's controls and shader tests read them from there.
+//! Typed settings (keys) of shadow methods. Each method declares the names, values, defaults and help of its settings
+//! once. Parser, error messages, `--help`, table columns, the window's controls and shader tests read them from
+//! there.
 
 use std::fmt;
 
 /// Type and range of the values of a shadow method's setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
-    /// Setting whose value is a whole number.
+    /// Setting of a shadow method whose value is a whole number.
     Whole {
-        /// Smallest whole number that the setting allows.
+        /// Smallest whole number that the setting of a shadow method allows.
         least: u32,
-        /// Largest whole number that the setting allows.
+        /// Largest whole number that the setting of a shadow method allows.
         most: u32,
     },
-    /// Setting whose value is a whole number, or a word such as `auto` for a number chosen from the scene.
+    /// Setting of a shadow method whose value is a whole number, or a word such as `auto` for a number chosen from
+    /// the scene.
     WholeOr {
-        /// Smallest whole number that the setting allows.
+        /// Smallest whole number that the setting of a shadow method allows.
         least: u32,
-        /// Largest whole number that the setting allows.
+        /// Largest whole number that the setting of a shadow method allows.
         most: u32,
-        /// Word for a number chosen from the scene, such as `auto`.
+        /// Word, such as `auto`, with which a user leaves the number of a shadow method's setting to be chosen from
+        /// the scene.
         word: &'static str,
     },
-    /// Setting whose value is a real number.
+    /// Setting of a shadow method whose value is a real number.
     Number {
-        /// Smallest number that the setting allows.
+        /// Smallest number that the setting of a shadow method allows.
         least: f64,
-        /// Largest number that the setting allows.
+        /// Largest number that the setting of a shadow method allows.
         most: f64,
     },
-    /// Setting whose value is one of the listed words (or numbers).
+    /// Setting of a shadow method whose value is one of the listed words (or numbers).
     Choice(&'static [&'static str]),
 }
 
@@ -57,36 +60,38 @@ impl fmt::Display for Value {
 /// Condition on the value of another setting under which a setting of a shadow method has an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum When {
-    /// The setting always has an effect.
+    /// Condition that always holds: the setting of a shadow method always has an effect.
     Always,
-    /// The setting has an effect only if another setting (first text) has a value (second text); it is refused
-    /// otherwise.
+    /// The setting of a shadow method has an effect only if another setting (first text) has a value (second text);
+    /// it is refused otherwise.
     Is(&'static str, &'static str),
-    /// The setting has an effect unless another setting (first text) has a value (second text); it is ignored then.
+    /// The setting of a shadow method has an effect unless another setting (first text) has a value (second text); it
+    /// is ignored then.
     Unless(&'static str, &'static str),
-    /// The setting has an effect unless one of two other settings has the value listed with it.
+    /// The setting of a shadow method has an effect unless one of two other settings has the value listed with it.
     UnlessEither([(&'static str, &'static str); 2]),
 }
 
 /// Description of one setting of a shadow method: name, allowed values, default and help.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
-    /// Name of the setting, such as `epsilon`.
+    /// Name of the setting of a shadow method, such as `epsilon`.
     pub name: &'static str,
-    /// Type and range of the setting's values.
+    /// Type and range of the values that a setting of a shadow method allows.
     pub kind: Kind,
-    /// Default value of the setting, as text.
+    /// Default value of the setting of a shadow method, as text.
     pub default: &'static str,
-    /// Help text of the setting, in one line.
+    /// Help text of the setting of a shadow method, in one line.
     pub help: &'static str,
-    /// Whether labels in tables show the setting even at its default.
+    /// Whether the labels of shadow methods in tables show this setting even at its default.
     pub in_label: bool,
-    /// Condition under which the setting has an effect.
+    /// Condition under which the setting of a shadow method has an effect.
     pub when: When,
-    /// Value of the setting during interaction in the window: a lower limit of numbers, a replacement otherwise.
+    /// Coarser value of a shadow method's setting while the user interacts with the window: a lower limit of numbers,
+    /// a replacement otherwise.
     pub coarse: Option<&'static str>,
-    /// Values of the setting that a search within a budget of memory or time tries, including the default. Numbers
-    /// are in the order of non-decreasing memory.
+    /// Values of a shadow method's setting that a search within a budget of memory or time tries, including the
+    /// default. Numbers are in the order of non-decreasing memory.
     pub search_space: &'static [&'static str],
 }
 
@@ -96,12 +101,12 @@ impl Key {
         Self { name: "", kind, default, help, in_label: false, when, coarse: None, search_space }
     }
 
-    /// Describes a setting whose value is a whole number in a closed range.
+    /// Describes a setting of a shadow method whose value is a whole number in a closed range.
     pub const fn whole([least, most]: [u32; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Whole { least, most }, default, help)
     }
 
-    /// Describes a setting whose value is a whole number in a closed range, or a word.
+    /// Describes a setting of a shadow method whose value is a whole number in a closed range, or a word.
     pub const fn whole_or(
         [least, most]: [u32; 2],
         word: &'static str,
@@ -111,37 +116,37 @@ impl Key {
         Self::new(Kind::WholeOr { least, most, word }, default, help)
     }
 
-    /// Describes a setting whose value is a real number in a closed range.
+    /// Describes a setting of a shadow method whose value is a real number in a closed range.
     pub const fn number([least, most]: [f64; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Number { least, most }, default, help)
     }
 
-    /// Describes a setting whose value is one of several words.
+    /// Describes a setting of a shadow method whose value is one of several words.
     pub const fn choice(names: &'static [&'static str], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Choice(names), default, help)
     }
 
-    /// Makes labels in tables show the setting even at its default.
+    /// Makes the labels of shadow methods in tables show this setting even at its default.
     pub const fn in_label(self) -> Self {
         Self { in_label: true, ..self }
     }
 
-    /// Sets the condition under which the setting has an effect.
+    /// Sets the condition under which the setting of a shadow method has an effect.
     pub const fn when(self, when: When) -> Self {
         Self { when, ..self }
     }
 
-    /// Sets the value of the setting during interaction in the window.
+    /// Sets the coarser value of a shadow method's setting for use while the user interacts with the window.
     pub const fn coarse(self, coarse: &'static str) -> Self {
         Self { coarse: Some(coarse), ..self }
     }
 
-    /// Sets the values of the setting that a search within a budget of memory or time tries.
+    /// Sets the values of a shadow method's setting that a search within a budget of memory or time tries.
     pub const fn search(self, search_space: &'static [&'static str]) -> Self {
         Self { search_space, ..self }
     }
 
-    /// Makes a search within a budget of memory or time try every word that the setting allows.
+    /// Makes a search within a budget of memory or time try every word that a shadow method's setting allows.
     pub const fn search_all(self) -> Self {
         match self.kind {
             Kind::Choice(names) => self.search(names),
@@ -149,7 +154,8 @@ impl Key {
         }
     }
 
-    /// Returns the allowed values of the setting as help and errors show them: `1..512`, `0..1`, `nearest|bilinear`.
+    /// Returns the allowed values of a shadow method's setting as help and errors show them: `1..512`, `0..1`,
+    /// `nearest|bilinear`.
     pub fn values(&self) -> String {
         match self.kind {
             Kind::Whole { least, most } => format!("{least}..{most}"),
@@ -159,7 +165,7 @@ impl Key {
         }
     }
 
-    /// Parses a value of the setting; returns `None` if it is not allowed.
+    /// Parses a value of a shadow method's setting; returns `None` if the setting does not allow it.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match self.kind {
             Kind::WholeOr { word, .. } if text == word => Some(Value::Choice(word)),
@@ -174,7 +180,8 @@ impl Key {
         }
     }
 
-    /// Returns the value of the setting during interaction in the window, which may be coarser.
+    /// Returns the value of a shadow method's setting to use while the user interacts with the window; it may be
+    /// coarser.
     pub fn coarser(&self, value: Value) -> Value {
         match (value, self.coarse.and_then(|coarse| self.parse(coarse))) {
             (value, None) => value,
@@ -184,7 +191,7 @@ impl Key {
     }
 }
 
-/// Whether a setting has an effect under the values of the other settings.
+/// Whether a setting of a shadow method has an effect under the values of the other settings.
 pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
     let is =
         |other, wanted| keys.iter().zip(values).any(|(k, v)| k.name == other && *v == Value::Choice(wanted));
@@ -196,14 +203,14 @@ pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
     }
 }
 
-/// Type of a field in a shadow method's settings, convertible to and from the value of a setting.
+/// Type of a field in a shadow method's settings struct, convertible to and from the [`Value`] of a setting.
 pub(super) trait Field: Copy {
-    /// Converts the value of a setting to the field's type.
+    /// Converts the value of a shadow method's setting to the type of its field in the settings struct.
     fn from_value(value: Value) -> Option<Self>;
-    /// Converts the field to a value of the given setting.
+    /// Converts a field of a shadow method's settings struct to the value of the given setting.
     fn to_value(self, key: &Key) -> Option<Value>;
-    /// Appends the field's value to the values of the settings before it. It appends the default if code has set a
-    /// value that the setting does not allow.
+    /// Appends the value of this field to the list of a shadow method's setting values. It appends the setting's
+    /// default if the value is not allowed.
     fn push_to(self, values: &mut Vec<Value>, keys: &[Key]) {
         let key = &keys[values.len()];
         values.extend(self.to_value(key).or_else(|| key.parse(key.default)));
@@ -224,7 +231,7 @@ impl Field for u32 {
     }
 }
 
-/// Number of a setting, or `None` if it is chosen from the scene.
+/// Field for a shadow method's setting whose value is a number, or `None` if the number is chosen from the scene.
 impl Field for Option<u32> {
     fn from_value(value: Value) -> Option<Self> {
         match value {
@@ -253,7 +260,7 @@ impl Field for f64 {
     }
 }
 
-/// Declares an enum whose variants are the words that a setting allows.
+/// Declares an enum whose variants are the words that a setting of a shadow method allows.
 macro_rules! choices {
     ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)* }) => {
         $(#[$meta])*
@@ -261,7 +268,7 @@ macro_rules! choices {
         $vis enum $name { $($(#[$doc])* $variant,)* }
 
         impl $name {
-            /// Words that the setting allows, in the order of the variants.
+            /// Words that a setting of a shadow method allows, in the order of the enum's variants.
             pub const NAMES: &'static [&'static str] = &[$($text),*];
         }
 

@@ -10,7 +10,7 @@ pub struct Style {
     pub marker: Marker,
 }
 
-/// Shape of a point in a plot.
+/// Shape of the markers of a shadow method in a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Marker {

@@ -6,17 +6,19 @@ use crate::field::{BuildContext, LightSpace, SHORT_PIECE};
 
 /// Optical depth at which the march of a light ray ends (a transmittance of 2^-11).
 pub const OPAQUE_DEPTH: f32 = 7.6246;
-/// Largest difference in transmittance between the exact curve of a light ray and the polyline from its march.
+/// Largest difference in transmittance between the exact curve of a light ray and the piecewise linear curve from its
+/// march.
 pub const CHORD_TOLERANCE: f64 = 0.0023;
-/// Largest difference in depth between neighbouring shadow map texels on one surface, in widths of a texel.
+/// Largest difference in depth at which neighbouring shadow map texels still count as one surface, in widths of a
+/// texel.
 pub const STEEPEST_SURFACE: f64 = 4.0;
 
-/// Bound on the error in transmittance of four-point Gauss quadrature over pieces on which `1 - opacity` changes by a
-/// factor of 2 at most. It applies at a transmittance of 1/e, where an error in optical depth weighs most. It
-/// includes a tenth of the remainder where opacity nears 1.
+/// Bound on the error in transmittance of four-point Gauss quadrature over intervals of a light ray on which `1 -
+/// opacity` changes by a factor of 2 at most. It applies at a transmittance of 1/e, where an error in optical depth
+/// weighs most. It includes the error of intervals on which opacity nears 1.
 const QUADRATURE: f64 = 6e-4;
-/// Bound on the error in transmittance from rounding of float32 sums
-/// ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)), at a transmittance of 1/e, where it weighs most, and of `exp`.
+/// Bound on the error in transmittance from rounding in float32: of summed optical depth
+/// ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)) at a transmittance of 1/e, where it weighs most, and of `exp`.
 const SUMS: f64 = 2e-4;
 
 /// Returns the largest optical depth over which a chord of the transmittance curve stays within [`CHORD_TOLERANCE`]
@@ -47,8 +49,8 @@ mod tests {
         assert!((f64::from(-OPAQUE_DEPTH).exp() * 2048.0 - 1.0).abs() < 1e-4);
     }
 
-    /// Returns monotone cubics, which model opacity along a piece of a ray, by the Bernstein coefficients of their
-    /// slopes. The middle coefficient may be negative.
+    /// Returns monotone cubics, as models of opacity along an interval of a ray, by the Bernstein coefficients of
+    /// their slopes. The middle coefficient may be negative.
     fn monotone_cubics() -> Vec<[f64; 3]> {
         let ends: Vec<f64> =
             (0..=24).map(|i| if i == 0 { 0.0 } else { 10f64.powf(f64::from(i - 24) / 8.0) }).collect();

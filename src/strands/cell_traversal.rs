@@ -1,23 +1,25 @@
 //! Traversal of a grid's unit cells along a line segment (3D DDA).
 
-/// Line segment `from + step t`, `t` in `[0, 1]`, in coordinates where cell `c` spans `[c, c + 1]`.
+/// Line segment `from + step t`, `t` in `[0, 1]`, in cell coordinates, where grid cell `c` spans `[c, c + 1]` along
+/// each axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellRay {
     pub from: [f64; 3],
     pub step: [f64; 3],
-    /// Reciprocal of each component of the segment's direction, `1 / step`; infinite where `step` is 0.
+    /// Reciprocal of each component of the line segment's direction, `1 / step`; infinite where `step` is 0.
     per_step: [f64; 3],
 }
 
-/// Box of grid cells that a line segment may cross, and the grid's domain, which cuts the outermost cells.
+/// Box of grid cells in which a line segment is traversed, with the limits of the whole grid.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellBox {
-    /// First and last cell of the whole grid along each axis; the first is not below -1. A line segment within the
-    /// outermost faces of the grid belongs to these cells.
+    /// Indices of the first and the last cell of the whole grid along each axis; the first is 0 or -1. A line segment
+    /// that lies in an outermost face of the grid belongs to these cells.
     pub whole: [[i64; 2]; 3],
-    /// First and last cell of the box along each axis.
+    /// Indices of the first and the last grid cell inside the traversed box along each axis.
     pub part: [[i64; 2]; 3],
-    /// Lower and upper end of the grid's domain along each axis, cell coordinates.
+    /// Lower and upper end of the grid's domain along each axis, cell coordinates. The domain may end inside the
+    /// outermost cells.
     pub domain: [[f64; 2]; 3],
 }
 
@@ -34,8 +36,8 @@ impl CellRay {
         Self { from, step, per_step: step.map(|d| 1.0 / d) }
     }
 
-    /// Returns the parameter `t` at which the line segment crosses a cell face. All code uses this one expression, so
-    /// that neighbouring cells and boxes meet without a gap.
+    /// Returns the parameter `t` at which the line segment crosses a cell face. All callers share this expression, so
+    /// that rounding leaves no gap between neighbouring cells.
     #[inline]
     fn at_face(&self, axis: usize, face: f64) -> f64 {
         (face - self.from[axis]) * self.per_step[axis]
@@ -43,7 +45,8 @@ impl CellRay {
 }
 
 impl CellBox {
-    /// Returns the interval of the line parameter `t` inside the box of cells; `None` if the segment misses the box.
+    /// Returns the interval of the parameter `t` at which the line segment lies inside this box of grid cells; `None`
+    /// if it misses the box.
     #[inline]
     pub fn clip(&self, line: &CellRay) -> Option<[f64; 2]> {
         let (mut enter, mut exit) = (0.0f64, 1.0f64);
@@ -69,7 +72,8 @@ impl CellBox {
         (exit > enter).then_some([enter, exit])
     }
 
-    /// Calls `visit(cell, t0, t1)` for every grid cell that the line segment crosses, from its start to its end.
+    /// Calls `visit(cell, t0, t1)` for every grid cell that the line segment crosses between its parameters `t0` and
+    /// `t1`, from the segment's start to its end.
     #[inline]
     pub fn traverse(&self, line: &CellRay, mut visit: impl FnMut([i64; 3], f64, f64)) {
         let Some([mut at, end]) = self.clip(line) else { return };

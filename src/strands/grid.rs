@@ -11,7 +11,7 @@ pub const DEFAULT_RESOLUTION: usize = 256;
 /// size takes 4 GiB of 32-bit floats.
 pub const RESOLUTIONS: RangeInclusive<usize> = 4..=1024;
 
-/// Number of empty voxels between the strands and each face of their voxel grid.
+/// Number of empty voxels between the strands' bounding box and each face of their voxel grid.
 const MARGIN: f64 = 1.0;
 
 /// Smallest voxel spacing of a strand grid relative to the largest coordinate (or 1 mm), for the precision of 32-bit

@@ -1,9 +1,9 @@
 //! Strands: polylines with a thickness (hair, fur, fibre tracks), and the extinction volume voxelised from them.
 //!
-//! World coordinates are the file's own, in mm; thickness is the diameter in mm. A segment of length `L` has the mean
-//! diameter `d` and transparency `t` of its two ends. Its area is `(1 - t) d L` mm^2: what it hides when seen from
-//! the side. [`voxelise`] distributes this area over the voxels that it crosses; divided by the voxel's volume it is
-//! an extinction in 1/mm.
+//! Strand files give points in world coordinates, mm, and thickness as a diameter, mm. A segment of length `L` has the
+//! mean diameter `d` and mean transparency `t` of its two ends. Its area is `(1 - t) d L` mm^2: the area that it hides
+//! when seen from the side. [`voxelise`] distributes this area over the voxels that the segment crosses. Divided by
+//! the voxel's volume it is an extinction in 1/mm.
 //!
 //! ```text
 //!  a file  ────┐
@@ -41,12 +41,12 @@ use rayon::prelude::*;
 /// Largest coordinate and thickness of strands, mm. Beyond it 32-bit positions have too little precision.
 pub const MAX_MM: f32 = 1e9;
 
-/// Attribute of strands: one value for all strands or points, or one value for each.
+/// Attribute of strands, such as thickness: one common value, or one value for each strand or point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute<D, T = D> {
-    /// Value for all strands or points of an attribute without an array of values.
+    /// Common value of the attribute for all strands or points, used if there is no array of values.
     pub default: D,
-    /// Value of the attribute for each strand or point, if they differ.
+    /// Array of the attribute's values, one for each strand or point; `None` if all have the common value.
     pub values: Option<Vec<T>>,
 }
 
@@ -60,7 +60,7 @@ impl<D, T> Attribute<D, T> {
 /// Contents of a strand file before validation. Every array except `segments` has one entry for each point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StrandArrays {
-    /// Number of strands in the file.
+    /// Number of strands in the strand file.
     pub strands: u32,
     /// Number of segments of each strand, one fewer than its points.
     pub segments: Attribute<u32>,
@@ -76,27 +76,27 @@ pub struct StrandArrays {
     pub info: [u8; 88],
 }
 
-/// Names one array or count of a strand file, for error messages.
+/// Kind of data in a strand file, such as points or thickness, to which an error refers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrandQuantity {
-    /// Number of points of a strand file.
+    /// Refers to the number of points in a strand file.
     Count,
-    /// Numbers of segments of the strands.
+    /// Refers to the array of segment counts, one for each strand of a strand file.
     Segments,
-    /// Positions of the strands' points.
+    /// Refers to the array of point positions in a strand file.
     Points,
-    /// Diameters of the strands.
+    /// Refers to the array of strand diameters, one for each point of a strand file.
     Thickness,
-    /// Transparencies of the strands.
+    /// Refers to the array of strand transparencies, one for each point of a strand file.
     Transparency,
-    /// Colours of the strands.
+    /// Refers to the array of strand colours, one for each point of a strand file.
     Color,
 }
 
-/// Invalid value or wrong length in the arrays of a strand file ([`StrandArrays`]).
+/// Error in the arrays of a strand file ([`StrandArrays`]): an invalid value or a wrong length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flaw {
-    /// Array or count of the strand file that is invalid.
+    /// Kind of strand data that is invalid, such as points or thickness.
     pub part: StrandQuantity,
     /// Index of the invalid entry in the strand file's array; `None` if the array's default or length is invalid.
     pub entry: Option<usize>,
@@ -104,7 +104,7 @@ pub struct Flaw {
     pub why: String,
 }
 
-/// Validated strands: arrays of matching lengths with valid numbers.
+/// Set of strands whose arrays were validated: matching lengths and valid numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Strands {
     source: String,
@@ -154,13 +154,13 @@ impl Strands {
         Ok(Self { source: source.into(), arrays, first_points, warnings: Vec::new() })
     }
 
-    /// Replaces the warnings about the strand file.
+    /// Replaces the warnings about the strand file from which these strands were read.
     #[must_use]
     pub fn with_warnings(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
     }
 
-    /// Warnings about the strand file, one line each.
+    /// Warnings about the strand file from which these strands were read, one line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -170,7 +170,7 @@ impl Strands {
         &self.source
     }
 
-    /// Arrays of the strands: points, segments, thickness, transparency and colour.
+    /// Arrays that store the strands: points, numbers of segments, thickness, transparency and colour.
     pub fn arrays(&self) -> &StrandArrays {
         &self.arrays
     }
@@ -180,7 +180,7 @@ impl Strands {
         self.first_points.len()
     }
 
-    /// Range of segment numbers that belong to each strand.
+    /// Range of segment indices of each strand; segments are numbered strand after strand.
     pub fn segment_ranges(&self) -> Vec<std::ops::Range<usize>> {
         let mut first = 0;
         let range = |count: u32| {
@@ -215,7 +215,7 @@ impl Strands {
         Ok(self)
     }
 
-    /// Returns a strand segment by its number; segments are numbered strand after strand.
+    /// Returns a segment of the strands by its index; segments are numbered strand after strand.
     ///
     /// # Panics
     /// There are fewer segments.
@@ -298,7 +298,7 @@ impl StrandArrays {
         check_each(StrandQuantity::Color, &self.color, color, "a colour of three finite numbers")
     }
 
-    /// Number of points that strands with these numbers of segments must have.
+    /// Number of points that the strands must have according to their numbers of segments.
     fn points_wanted(&self) -> u64 {
         let strands = u64::from(self.strands);
         match &self.segments.values {
@@ -309,8 +309,8 @@ impl StrandArrays {
     }
 }
 
-/// Returns an error for the first invalid value of a strand attribute, or for its default if that is used and
-/// invalid.
+/// Returns an error for the first invalid value of a strand attribute, such as a negative thickness. Without an array
+/// it tests the common value.
 fn check_each<T: std::fmt::Debug>(
     part: StrandQuantity,
     attribute: &Attribute<T>,

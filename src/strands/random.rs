@@ -1,4 +1,4 @@
-//! Random numbers that depend only on their seed.
+//! Pseudo-random numbers that depend only on a seed.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -8,13 +8,13 @@ use std::f64::consts::TAU;
 pub struct Chance(u64);
 
 impl Chance {
-    /// Creates the random number generator of stream `index` for a `seed`.
+    /// Creates a random number generator for a `seed`. Each `index` gives an independent sequence.
     pub fn new(seed: u64, index: u64) -> Self {
         let mut mixed = Self(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ index);
         Self(mixed.bits() ^ index.rotate_left(32))
     }
 
-    /// Returns 64 random bits.
+    /// Returns the next 64 bits of the random number generator.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

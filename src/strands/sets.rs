@@ -35,8 +35,8 @@ const LOCK: usize = 24;
 /// Largest diameter of a strand in the built-in sets, mm.
 const MAX_THICKNESS_MM: f64 = 1.0;
 
-/// Parameters of each built-in strand set: name, description, segments of a strand (the last strand takes the rest),
-/// area of all strands viewed from the side (mm^2), relative loss of diameter towards the tip.
+/// Parameters of each built-in strand set: name, description, number of segments of a strand, area of all strands
+/// viewed from the side (mm^2), and relative loss of diameter from root to tip.
 const SETS: [(&str, &str, usize, f64, f64); 4] = [
     ("hair-straight", "straight hair that falls from a ball", 48, 250_000.0, 0.0),
     ("hair-curly", "curls", 128, 250_000.0, 0.0),
@@ -83,7 +83,7 @@ impl StrandSet {
         }
     }
 
-    /// Diameter of a strand relative to that at its root, at the fraction `u` of the strand's length.
+    /// Diameter of a built-in strand relative to that at its root, at the fraction `u` of the strand's length.
     fn taper(self, u: f64) -> f64 {
         1.0 - SETS[self as usize].4 * u
     }
@@ -152,7 +152,7 @@ impl StrandSet {
         Strands::new(&source, arrays).map_err(|flaw| refuse(flaw.why))
     }
 
-    /// Computes the points (mm) of strand number `index` of the `strands` strands of a built-in set.
+    /// Computes the points (mm) of the strand with this index in a built-in set of `strands` strands.
     fn strand(self, index: usize, strands: usize, steps: Steps) -> Vec<DVec3> {
         let mut chance = Chance::new(self as u64 + 1, index as u64);
         match self {
@@ -190,19 +190,20 @@ impl StrandSet {
     }
 }
 
-/// Number of segments of a full strand, and of the present strand, which may be shorter.
+/// Number of segments of a full strand in a built-in set (`each`), and of the strand that is being built (`count`),
+/// which may be shorter.
 #[derive(Debug, Clone, Copy)]
 struct Steps {
     each: usize,
     count: usize,
 }
 
-/// Shape of a built-in hair strand that leaves the ball and then falls.
+/// Shape of a built-in hair strand, which grows out of a ball and then falls.
 struct Fall {
     root: DVec3,
-    /// Unit normal of the plane in which the hair strand bends.
+    /// Unit normal of the vertical plane in which the built-in hair strand bends.
     across: DVec3,
-    /// Length over which the hair strand bends from the ball's normal to downwards, mm.
+    /// Length over which the built-in hair strand bends from the ball's normal to straight down, mm.
     bend_mm: f64,
     sway: DVec3,
 }
@@ -213,8 +214,8 @@ impl Fall {
         Self { root, across, bend_mm: chance.between(25.0, 45.0), sway: 0.12 * chance.direction(-1.0) }
     }
 
-    /// Computes points at equal steps along a hair strand, displaced by `offset(distance from the root in mm,
-    /// [across, normal])`.
+    /// Computes points at equal steps along a built-in hair strand. `offset(distance from the root in mm, [across,
+    /// normal])` displaces each point, for curls.
     fn points(&self, length_mm: f64, steps: Steps, offset: impl Fn(f64, [DVec3; 2]) -> DVec3) -> Vec<DVec3> {
         let step = length_mm / steps.each as f64;
         let mut at = self.root * HEAD_MM;
@@ -235,7 +236,7 @@ impl Fall {
     }
 }
 
-/// Computes the points of one fur hair, upright at the root and bent along the comb direction.
+/// Computes the points of one built-in fur hair, which is upright at its root and bends along a combing direction.
 fn fur(chance: &mut Chance, steps: Steps) -> Vec<DVec3> {
     let root = chance.direction(-1.0);
     let comb = DVec3::new(0.35, 0.2, -1.0) + 0.35 * chance.direction(-1.0);

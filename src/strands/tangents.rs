@@ -1,9 +1,9 @@
-//! Strand directions on the volume's grid, as second moments of the strands' tangents in each voxel.
+//! Strand directions on the volume's grid: second moments of the strands' tangents in each voxel.
 //!
 //! A segment of unit tangent `u`, length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside u u^T /
-//! voxel volume` to each voxel, with the `L_inside` of the extinction's kernel. The trace of a voxel's moments is
-//! therefore its extinction, 1/mm, and the same interpolation of both keeps it so between voxels. Directions are in
-//! world coordinates.
+//! voxel volume` to each voxel. `L_inside` is the part of its length that the voxelisation kernel assigns to the
+//! voxel. The trace of a voxel's moments is therefore its extinction, 1/mm. This also holds between voxels, since
+//! both are interpolated in the same way. Directions are in world coordinates.
 
 use super::voxelise::spread;
 use super::{Kernel, Segment, StrandGrid, Strands, VoxelisedStrands};
@@ -21,7 +21,8 @@ pub fn tangents(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<
     DirectionMoments::new(grid.dims, grid.world_from_index(), values)
 }
 
-/// Elements `xx, yy, zz, xy, xz, yz` of `u u^T` times a strand segment's area (mm^2), where `u` is its unit tangent.
+/// Elements `xx, yy, zz, xy, xz, yz` of `u u^T` times the area of a strand segment (mm^2), where `u` is the segment's
+/// unit tangent.
 fn moments_mm2(segment: &Segment) -> [f64; 6] {
     let [a, b] = segment.ends;
     let u = (b - a).normalize_or_zero();

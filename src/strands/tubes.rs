@@ -15,16 +15,19 @@ use crate::error::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Possible numbers of sides of a strand's tube. The first one that stays within the limit on triangles is used.
+/// Possible numbers of sides of the prisms that approximate strand tubes. The largest one that stays within the limit
+/// on triangles is used.
 pub const SIDES: [usize; 4] = [12, 8, 6, 4];
 
-/// Smallest distance between two points of a tube, relative to its radius. Nearer points of the strand are skipped.
+/// Smallest distance between neighbouring axis points of a strand tube, relative to its radius. A strand's points at
+/// smaller distances are skipped.
 const LEAST_DISTANCE: f64 = 1e-2;
 
 /// Largest number of triangles of all strand tubes of a scene.
 ///
-/// With its part of the tree a triangle takes 160 bytes on the device, 96 of them in one buffer, so that 1.4 million
-/// fit the 128 MiB that every adapter can bind. On the host it takes 0.5 KiB, and a tree of a million takes 1.2 s.
+/// Including its share of the bounding volume hierarchy, a triangle takes 160 bytes on the device. 96 of them are in
+/// one buffer, so that 1.4 million triangles fit the 128 MiB that every adapter can bind. On the host a triangle
+/// takes 0.5 KiB, and building a hierarchy of a million triangles takes 1.2 s.
 pub const MOST_TRIANGLES: usize = 1_000_000;
 
 /// Triangle mesh of tubes made from strands.
@@ -32,9 +35,9 @@ pub const MOST_TRIANGLES: usize = 1_000_000;
 pub struct Tubes {
     /// Corners of all triangles of the strand tubes, world mm, counter-clockwise when viewed from outside.
     pub triangles: Vec<[DVec3; 3]>,
-    /// Number of sides of each strand tube.
+    /// Number of sides of the prism that approximates each strand tube.
     pub sides: usize,
-    /// Number of triangles that the strand tubes would have with the largest number of sides.
+    /// Number of triangles of all strand tubes if they had the largest number of sides ([`SIDES`]).
     pub of_most_sides: usize,
 }
 
@@ -45,11 +48,12 @@ struct TubePoint {
     radius_mm: f64,
 }
 
-/// Tessellation of a strand tube: its number of sides, and of rings in each end cap.
+/// Tessellation of a strand tube: number of sides of its prism, and number of vertex rings in each end cap.
 #[derive(Debug, Clone, Copy)]
 struct Tessellation {
     sides: usize,
-    /// Number of rings of a hemispherical cap, including the end ring of the tube; the pole is a single vertex.
+    /// Number of vertex rings of a hemispherical end cap of the tube, including the tube's end ring. The pole is a
+    /// single vertex.
     cap_rings: usize,
 }
 
@@ -58,22 +62,23 @@ impl Tessellation {
         Self { sides, cap_rings: (sides + 2) / 4 }
     }
 
-    /// Number of triangles of a tube with `places` points on its axis.
+    /// Number of triangles of a strand tube with `places` points on its axis.
     fn triangles(self, places: usize) -> usize {
         2 * self.sides * (places - 1) + 2 * (2 * self.cap_rings - 1) * self.sides
     }
 
-    /// Distance of a tube's vertices from its axis, in radii. A polygon's mean width is its perimeter over pi.
+    /// Distance of a strand tube's vertices from its axis, in radii. It makes the mean width of the polygonal
+    /// cross-section equal to the tube's diameter.
     fn corner(self) -> f64 {
         let n = self.sides as f64;
         PI / (n * (PI / n).sin())
     }
 }
 
-/// Makes tubes of all strands with at most `most` triangles altogether.
+/// Makes a triangle mesh of tubes around all strands, with at most `most` triangles altogether.
 ///
-/// # Errors
-/// Nothing has length and thickness, or there would be more triangles; this is checked before memory is taken.
+/// # Errors No strand has length and thickness, or even the fewest sides give too many triangles, or the host has no
+/// memory for them.
 pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     let refused = |why: String| Error::input("cannot use strands", strands.source(), why);
     let mut counts = SIDES.map(|_| 0);
@@ -127,7 +132,7 @@ fn each_tube(strands: &Strands, mut take: impl FnMut(&[TubePoint])) {
     }
 }
 
-/// Splits a strand into several tubes where the rings of neighbouring bends would intersect.
+/// Splits a strand into several tubes where the vertex rings of neighbouring bends would intersect.
 fn split(places: &[TubePoint], take: &mut impl FnMut(&[TubePoint])) {
     let along = |segment: usize| places[segment + 1].at - places[segment].at;
     let (mut begun, mut taken_mm) = (0, 0.0);
@@ -147,15 +152,15 @@ fn split(places: &[TubePoint], take: &mut impl FnMut(&[TubePoint])) {
     take(&places[begun..]);
 }
 
-/// Tangent of half the angle between two directions.
+/// Returns the tangent of half the angle between two unit vectors.
 fn tangent_of_half(a: DVec3, b: DVec3) -> f64 {
     (a - b).length() / (a + b).length()
 }
 
-/// Vertices of a tube around one point of its axis.
+/// Ring of vertices of a strand tube around one point of its axis.
 type Ring = Vec<DVec3>;
 
-/// Adds the triangles of one strand tube to `triangles`.
+/// Adds the triangles of one strand tube to the list `triangles`.
 fn add_tube(places: &[TubePoint], shape: Tessellation, triangles: &mut Vec<[DVec3; 3]>) {
     let direction = |segment: usize| (places[segment + 1].at - places[segment].at).normalize();
     let (first, last) = (direction(0), direction(places.len() - 2));
@@ -198,7 +203,8 @@ fn ring_at(place: TubePoint, across: &[DVec3]) -> Ring {
     across.iter().map(|u| place.at + place.radius_mm * *u).collect()
 }
 
-/// Adds the triangles between two neighbouring rings of a tube; the second ring is farther along the tube.
+/// Adds the triangles between two neighbouring vertex rings of a strand tube; the second ring is farther along the
+/// tube.
 fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     for side in 0..from.len() {
         let next = (side + 1) % from.len();
@@ -207,8 +213,8 @@ fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     }
 }
 
-/// Adds the hemispherical cap at an end of a tube; `outward` points to its pole. Vertices keep the order of the
-/// tube's ring.
+/// Adds the triangles of the hemispherical cap at an end of a strand tube; `outward` points to the cap's pole. Its
+/// vertices keep the order of the tube's end ring.
 fn add_cap(
     place: TubePoint,
     outward: DVec3,
@@ -348,7 +354,8 @@ mod tests {
         }
     }
 
-    /// A ray that starts on the strand hits its tube in every direction: there are no gaps at joints.
+    /// A ray that starts on a strand's axis hits the strand's tube in every direction: the mesh has no gaps at
+    /// joints.
     #[test]
     fn no_ray_leaves_a_tube() {
         for strands in some() {

@@ -8,7 +8,7 @@ use ndarray::Array3;
 use std::sync::{Mutex, Weak};
 use std::time::Instant;
 
-/// Extinction volume voxelised from strands, with the error and time of the voxelisation.
+/// Extinction volume voxelised from strands, with the area lost by the voxelisation and its time.
 #[derive(Debug, Clone)]
 pub struct StrandVolume {
     /// Volume voxelised from strands; its values are extinction in 1/mm and its format is `strands`.
@@ -17,13 +17,14 @@ pub struct StrandVolume {
     pub grid: StrandGrid,
     /// Voxelisation kernel (box or tent) that distributed the strands over the voxels.
     pub kernel: Kernel,
-    /// Area of the strands before voxelisation and on the voxel grid after it.
+    /// Total area of the strands before voxelisation and on the voxel grid after it, mm^2.
     pub conservation: Conservation,
-    /// Wall-clock time of voxelising the strands, ms, without reading the file and without measuring the lost area.
+    /// Wall-clock time of voxelising the strands, ms. It excludes reading the strand file and computing the lost
+    /// area.
     pub voxelise_ms: f64,
 }
 
-/// Strands with the grid and kernel of their voxelisation.
+/// Strands from which a volume was made, with the grid and kernel of the voxelisation.
 #[derive(Debug)]
 pub struct VoxelisedStrands {
     /// Strands from which the volume was voxelised.
@@ -36,7 +37,7 @@ pub struct VoxelisedStrands {
     pub(super) directions: Mutex<Weak<DirectionMoments>>,
 }
 
-/// Format name in the `Provenance` of a volume made from strands. It marks that values are extinction.
+/// Format name in the `Provenance` of a volume made from strands. It marks that the volume's values are extinction.
 pub const STRANDS_FORMAT: &str = "strands";
 
 impl StrandVolume {

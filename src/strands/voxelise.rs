@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use rayon::prelude::*;
 
-/// Kernel that distributes the length of a strand segment over voxels.
+/// Kernel of the voxelisation, which distributes the length of a strand segment over voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
@@ -32,29 +32,32 @@ pub enum Kernel {
     Tent,
 }
 
-/// Area of the strands before voxelisation and of the voxels made from them, mm^2.
+/// Total area of strands before voxelisation and of the voxels made from them, mm^2, to test that voxelisation
+/// conserves it.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Conservation {
     /// Area of all strands: sum of `(1 - transparency) diameter length` over their segments, mm^2.
     pub area_mm2: f64,
-    /// Part of the strands' area that lies within the voxel grid's domain, mm^2.
+    /// Part of the strands' total area that lies within the voxel grid, mm^2.
     pub area_inside_mm2: f64,
-    /// Area on the voxel grid: sum of extinction times voxel volume over all voxels, mm^2.
+    /// Area of the strands on the voxel grid: sum of extinction times voxel volume over all voxels, mm^2.
     pub on_grid_mm2: f64,
-    /// Relative error of the area on the voxel grid, `|on_grid - inside| / inside`; 0 if both are 0.
+    /// Relative error of the strands' area on the voxel grid, `|on_grid - inside| / inside`; 0 if both are 0.
     pub relative_error: f64,
 }
 
-/// Largest number of voxels of a slab that one thread voxelises: 4 MiB of 64-bit sums.
+/// Largest number of voxels of a slab of the strand grid that one thread voxelises: 4 MiB of 64-bit sums.
 const SLAB_VOXELS: usize = 1 << 19;
 
-/// Number of strand segments in a chunk; one test of their common z range can skip them all.
+/// Number of strand segments in a chunk. If a chunk's z range misses a slab of voxels, all its segments are skipped
+/// at once.
 const CHUNK: usize = 16;
 
-/// Number of chunks of strand segments between two reports of the voxelisation's progress.
+/// Number of chunks, of 16 strand segments each, that a thread voxelises between two reports of its progress.
 const CHUNKS_A_PIECE: usize = 1 << 12;
 
-/// Number of terms of a partial sum. It is fixed, so that sums do not depend on the number of threads.
+/// Number of strand segments or voxels whose areas one thread adds up. It is fixed, so that the total does not depend
+/// on the number of threads.
 const SUM_CHUNK: usize = 1 << 14;
 
 /// Voxelises strands: computes their extinction (1/mm) in each voxel of a grid, x fastest. `loading` shows progress
@@ -66,8 +69,8 @@ pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel, loading: &
     spread(strands, grid, kernel, |segment| [segment.area_mm2()], loading).map(Vec::into_flattened)
 }
 
-/// Distributes `N` amounts of every strand segment over the voxels in proportion to the segment's length in each. The
-/// sums are divided by the voxel's volume; x fastest.
+/// Distributes `N` quantities of every strand segment, such as its area, over voxels in proportion to the segment's
+/// length in each voxel. The sums are divided by the voxel's volume; x varies fastest.
 pub(super) fn spread<const N: usize>(
     strands: &Strands,
     grid: &StrandGrid,
@@ -117,7 +120,7 @@ pub(super) fn spread<const N: usize>(
 }
 
 impl Conservation {
-    /// Sums the area of strands and of the voxel values made from them.
+    /// Computes the total area of strands, and of the voxel values made from them.
     ///
     /// # Errors
     /// The work was cancelled through `loading`.
@@ -151,8 +154,8 @@ impl Conservation {
 }
 
 impl Kernel {
-    /// Offset from index coordinates to cell coordinates. Cells of the box kernel are voxels; those of the tent lie
-    /// between voxel centres.
+    /// Offset from index coordinates of the strand grid to cell coordinates of the kernel. Cells of the box kernel
+    /// are voxels; those of the tent kernel lie between voxel centres.
     fn shift(self) -> f64 {
         match self {
             Self::Box => 0.5,
@@ -160,14 +163,14 @@ impl Kernel {
         }
     }
 
-    /// Converts a strand segment (world mm) to the cell coordinates of this voxelisation kernel.
+    /// Converts a strand segment from world mm to cell coordinates of this voxelisation kernel.
     #[inline]
     fn line(self, grid: &StrandGrid, ends: [glam::DVec3; 2]) -> CellRay {
         let [a, b] = ends.map(|p| (grid.index_from_world(p) + self.shift()).to_array());
         CellRay::new(a, b)
     }
 
-    /// Box of kernel cells that contribute to the voxel planes `first..end` along z.
+    /// Box of the kernel's grid cells in which strand segments contribute to the voxel planes `first..end` along z.
     fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> CellBox {
         let n = grid.dims.map(|n| n as i64);
         let below = i64::from(self == Self::Tent);
@@ -179,7 +182,7 @@ impl Kernel {
     }
 }
 
-/// Range of z of each chunk of strand segments, in index coordinates of the grid.
+/// Range of z that each chunk of strand segments covers, in index coordinates of the strand grid.
 fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     let count = strands.segment_count();
     let per_mm = 1.0 / grid.spacing_mm;
@@ -195,12 +198,12 @@ fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     (0..count.div_ceil(CHUNK)).into_par_iter().map(reach).collect()
 }
 
-/// Slab of voxel planes that one thread voxelises, with `N` sums for each voxel.
+/// Slab of voxel planes of the strand grid that one thread voxelises, with `N` sums for each voxel.
 struct VoxelSlab<'a, const N: usize> {
     kernel: Kernel,
     cells: CellBox,
     dims: [usize; 3],
-    /// First voxel plane of the slab along z; `end` is the plane after the last one.
+    /// Index of the slab's first voxel plane along z; `end` is the index after its last plane.
     first: usize,
     end: usize,
     sums: &'a mut Vec<[f64; N]>,
@@ -213,13 +216,14 @@ impl<'a, const N: usize> VoxelSlab<'a, N> {
         Self { kernel, cells: kernel.cells(grid, first, end), dims: grid.dims, first, end, sums }
     }
 
-    /// Range of z within which strand segments contribute to the slab's planes, index coordinates.
+    /// Range of z within which strand segments contribute to the slab's voxel planes, in index coordinates of the
+    /// strand grid.
     fn z_range(&self) -> [f64; 2] {
         let [first, last] = self.cells.part[2];
         [first as f64 - self.kernel.shift(), (last + 1) as f64 - self.kernel.shift()]
     }
 
-    /// Adds the amounts of a strand segment to the voxels of the slab that it crosses.
+    /// Adds the quantities of a strand segment to the voxels of this slab that the segment crosses.
     #[inline]
     fn add(&mut self, grid: &StrandGrid, segment: &Segment, amounts: [f64; N]) {
         if amounts == [0.0; N] {
@@ -237,8 +241,9 @@ impl<'a, const N: usize> VoxelSlab<'a, N> {
         });
     }
 
-    /// Adds amounts, uniform along a strand segment within one cell, to the eight nearest voxels. The weights are
-    /// cubics of `t`, which two Gauss points integrate exactly; the eight weights sum to 1 at each of them.
+    /// Adds quantities of the part of a strand segment within one cell of the tent kernel to the eight nearest
+    /// voxels. The trilinear weights are cubics of the segment's parameter `t`, which two Gauss points integrate
+    /// exactly.
     #[inline]
     fn spread(&mut self, line: &CellRay, cell: [i64; 3], [t0, t1]: [f64; 2], amounts: [f64; N]) {
         const GAUSS: f64 = 0.577_350_269_189_625_8;

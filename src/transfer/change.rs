@@ -1,22 +1,25 @@
-//! Compares two transfer functions on the values that occur in a volume, to decide which results stay valid.
+//! Compares two transfer functions on the values that occur in a volume, to decide which computed results stay valid
+//! after an edit.
 
 use super::{ControlPoint, TransferFunction};
 
-/// Largest change that an edit of a transfer function makes to the values of a volume: none, colour, or extinction.
+/// Largest effect that an edit of a transfer function has on a volume: none, on colour only, or on extinction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TransferChange {
-    /// No value in the volume changes its extinction, or its colour if it has extinction.
+    /// The edit of the transfer function has no visible effect: extinction of all values, and colour of values with
+    /// extinction, stay the same.
     Nothing,
-    /// Some value in the volume with extinction changes its colour, but none its extinction.
+    /// The edit of the transfer function changes the colour of some value with extinction in the volume, but the
+    /// extinction of none.
     Color,
-    /// Some value in the volume changes its extinction.
+    /// The edit of the transfer function changes the extinction of some value in the volume.
     Extinction,
 }
 
 impl TransferChange {
-    /// Returns the change from the transfer function `old` to `new`. `occurs` tells whether the volume has any value
-    /// in a closed range, whose ends may be infinite. The result is conservative: it tests whole ranges between
-    /// control points.
+    /// Returns the effect on a volume if the transfer function `old` is replaced by `new`. `occurs` tells whether the
+    /// volume has a value in a closed range. The effect may be overestimated, since whole ranges between control
+    /// points are tested.
     pub fn between(
         old: &TransferFunction,
         new: &TransferFunction,
@@ -46,8 +49,8 @@ impl TransferChange {
     }
 }
 
-/// Returns the ranges between neighbouring control points of two transfer functions. Each function is linear inside
-/// each range.
+/// Returns the ranges of scalar values between neighbouring control points of two transfer functions together. Both
+/// functions are linear inside each range.
 fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
     let mut ends: Vec<f64> = a.points.iter().chain(&b.points).map(|p| p.value).collect();
     ends.extend([f64::NEG_INFINITY, f64::INFINITY]);
@@ -57,8 +60,8 @@ fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
 }
 
 impl TransferFunction {
-    /// Limits of a quantity of the transfer function at both ends of a range, approached from inside. No control
-    /// point lies inside the range.
+    /// Opacity, extinction or colour of the transfer function at both ends of a range of scalar values, as limits
+    /// from inside. No control point lies inside the range.
     fn ends_on(&self, [low, high]: [f64; 2], get: impl Fn(&ControlPoint) -> f64) -> [f64; 2] {
         let points = &self.points;
         // The last point at or below the range, and the first at or above it.

@@ -1,4 +1,4 @@
-//! Clip planes: the volume has no extinction beyond them.
+//! Clip planes, which cut away parts of a volume: it has no extinction on their hidden side.
 
 use glam::{DAffine3, DVec3};
 use std::fmt;
@@ -6,9 +6,9 @@ use std::str::FromStr;
 
 /// Largest number of clip planes of a volume: enough for the six sides of a box and two cuts.
 pub const MOST_CLIP_PLANES: usize = 8;
-/// Length below which a clip plane's normal has no direction.
+/// Length of a clip plane's normal below which its direction is undefined.
 const SHORTEST_NORMAL: f64 = 1e-9;
-/// Largest number accepted in a clip plane, mm.
+/// Largest number accepted in the text of a clip plane, mm.
 const MAX_COORDINATE: f64 = 1e9;
 
 /// Clip plane; points `x` (world mm) with `normal · x >= offset_mm` stay visible.
@@ -21,14 +21,14 @@ pub struct ClipPlane {
 }
 
 impl ClipPlane {
-    /// Transforms the clip plane to other coordinates, which `world` maps to world mm. Points `p` with `normal · p >=
-    /// offset` stay visible there.
+    /// Returns the clip plane's normal and offset in other coordinates; `world` maps them to world mm. Points `p`
+    /// with `normal · p >= offset` stay visible there.
     pub fn in_coordinates(&self, world: DAffine3) -> (DVec3, f64) {
         (world.matrix3.transpose() * self.normal, self.offset_mm - self.normal.dot(world.translation))
     }
 
-    /// Clips the interval `[from, to]` of `t` on the line `origin + t direction` to the plane's visible side. The
-    /// result is empty if its end is below its start.
+    /// Clips the interval `[from, to]` of the parameter `t` on the line `origin + t direction` to the visible side of
+    /// the clip plane. The interval is empty if its end is below its start.
     pub fn cut(&self, origin: DVec3, direction: DVec3, [from, to]: [f64; 2]) -> [f64; 2] {
         let (rise, above) = (self.normal.dot(direction), self.normal.dot(origin) - self.offset_mm);
         if rise > 0.0 {

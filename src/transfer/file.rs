@@ -1,5 +1,6 @@
-//! Transfer-function files (`transfer_functions/*.json`): name, units, `reference_length_mm`, and control points by
-//! non-decreasing value. Each point has an opacity or an extinction, and a colour `#rrggbb`.
+//! This program's transfer-function files (`transfer_functions/*.json`): name, units, `reference_length_mm`, and
+//! control points by non-decreasing scalar value. Each control point has an opacity or an extinction, and a colour
+//! `#rrggbb`.
 
 use super::{ControlPoint, Quantity, TransferFunction};
 use crate::error::{Error, Result};
@@ -9,8 +10,8 @@ use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Largest value and extinction in a transfer-function file: products of larger numbers with a length overflow 32-bit
-/// floats.
+/// Largest scalar value and largest extinction in a transfer-function file. Products of larger numbers with a length
+/// overflow 32-bit floats.
 const MAX_MAGNITUDE: f64 = 1e30;
 
 #[derive(Serialize, Deserialize)]
@@ -42,7 +43,7 @@ fn one_mm() -> f64 {
 }
 
 impl TransferFunction {
-    /// Reads a transfer-function file.
+    /// Reads a transfer-function file in this program's JSON format.
     ///
     /// # Errors
     /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format.
@@ -56,7 +57,8 @@ impl TransferFunction {
         Ok(tf)
     }
 
-    /// Writes a transfer-function file, completely or not at all. Colours are rounded to 8 bits per channel.
+    /// Writes a transfer-function file in this program's JSON format, completely or not at all. Colours are rounded
+    /// to 8 bits per channel.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -83,8 +85,7 @@ impl TransferFunction {
 
     /// Parses the text of a transfer-function file (JSON).
     ///
-    /// # Errors
-    /// The text is no transfer function; the reason is one line.
+    /// # Errors The text breaks the file format; the reason is one line.
     pub fn from_json(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let length = file.reference_length_mm;

@@ -1,40 +1,43 @@
-//! Transfer functions for the labels of a segmentation: each label is hidden, or may have its own function.
+//! Transfer functions for the labels of a segmentation: a label may be hidden, or have its own transfer function.
 
 use super::{ControlPoint, LabelRule, LabelVisibility, TransferFunction};
 
-/// Largest number of transfer functions for labels, besides the main one. All of them share the bins of one set of
-/// device tables.
+/// Largest number of transfer functions for segmentation labels, besides the main one. All of them share the bins of
+/// one set of device tables.
 pub const MOST_LABEL_FUNCTIONS: usize = 15;
-/// Gap between two transfer functions on their common value axis, relative to the volume's value range. It is wider
-/// than a bin of the device tables.
+/// Gap between neighbouring transfer functions that are combined on one value axis, relative to the volume's value
+/// range. It is wider than a bin of the device tables.
 const GAP: f64 = 1.0 / 32.0;
-/// Smallest width of a volume's value range, relative to the largest absolute value, when transfer functions share an
-/// axis.
+/// Smallest width of a volume's value range, relative to its largest absolute value, for which several transfer
+/// functions are combined on one value axis. A smaller range is widened.
 const LEAST_WIDTH: f64 = 1.0 / 1024.0;
 
-/// Transfer function that applies to the voxels of a segmentation label, or none.
+/// Treatment of the voxels of a segmentation label: hidden, or drawn with a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelClass {
-    /// Hidden label: its voxels have no extinction.
+    /// Hidden segmentation label: its voxels have no extinction.
     Hidden,
-    /// Index of the label's transfer function in [`TransferFunction::functions`].
+    /// Index of the segmentation label's transfer function in [`TransferFunction::functions`].
     Function(usize),
 }
 
-/// Several transfer functions side by side on one value axis, so that one set of device tables stores all of them.
+/// Several transfer functions combined on one value axis, each shifted by an offset, so that one set of device tables
+/// stores all of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SideBySide {
-    /// Combined transfer function, with zero extinction between and after the single functions.
+    /// Combined transfer function, with zero extinction in the gaps between the single functions and after the last.
     pub function: TransferFunction,
-    /// Offset added to a voxel's value for each transfer function in [`TransferFunction::functions`].
+    /// Offset for each of [`TransferFunction::functions`], added to a voxel's value to look it up in the combined
+    /// transfer function.
     pub shifts: Vec<f64>,
-    /// Value for hidden voxels, above all single transfer functions, where the combined one has zero extinction.
+    /// Scalar value that hidden voxels get, above all single transfer functions, where the combined one has zero
+    /// extinction.
     pub hidden: f64,
 }
 
 impl TransferFunction {
-    /// Finds the transfer function for the voxels of a segmentation label. Any rule that hides the label wins;
-    /// otherwise the last rule for it applies.
+    /// Finds the transfer function for the voxels of a segmentation label. If a rule hides the label, it wins;
+    /// otherwise the last rule for the label applies.
     pub fn class_of(&self, label: u32) -> LabelClass {
         let is_hidden = |rule: &LabelRule| rule.visibility == LabelVisibility::Hidden;
         let is_for = |rule: &LabelRule| rule.labels.contains(&label);
@@ -45,7 +48,7 @@ impl TransferFunction {
         LabelClass::Function(self.rules[..end].iter().filter(|rule| !is_hidden(rule)).count())
     }
 
-    /// Returns this transfer function, and then those of its label rules in their order.
+    /// Returns this transfer function, followed by the transfer functions of its rules for segmentation labels.
     pub fn functions(&self) -> impl Iterator<Item = &Self> {
         let others = self.rules.iter().filter_map(|rule| match &rule.visibility {
             LabelVisibility::Visible(tf) => Some(&**tf),
@@ -54,12 +57,12 @@ impl TransferFunction {
         std::iter::once(self).chain(others)
     }
 
-    /// Returns the transfer function at an index of [`Self::functions`].
+    /// Returns the transfer function at an index of the list [`Self::functions`].
     pub fn function(&self, index: usize) -> &Self {
         self.functions().nth(index).unwrap_or(self)
     }
 
-    /// Returns the label rules with a change applied to each of their transfer functions.
+    /// Returns the rules for segmentation labels after `change` is applied to each of their transfer functions.
     pub(super) fn with_each(&self, change: impl Fn(&Self) -> Self) -> Vec<LabelRule> {
         let mut rules = self.rules.clone();
         for rule in &mut rules {
@@ -70,11 +73,10 @@ impl TransferFunction {
         rules
     }
 
-    /// Combines this transfer function and those of its label rules on one value axis, for a volume with values in
-    /// `[low, high]`.
+    /// Combines this transfer function and those of its segmentation labels on one value axis, for a volume with
+    /// values in `[low, high]`.
     ///
-    /// # Errors
-    /// Functions have different quantities or reference lengths, or are too many.
+    /// # Errors The transfer functions differ in quantity or reference length, or there are too many.
     pub fn side_by_side(&self, [low, high]: [f64; 2]) -> Result<SideBySide, String> {
         let functions: Vec<&Self> = self.functions().collect();
         let others = functions.len() - 1;

@@ -17,7 +17,7 @@ pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
 pub(crate) use tables::extinction_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
-/// Quantity that a transfer function stores at its points and interpolates linearly: opacity or extinction.
+/// Quantity that a transfer function stores at its control points and interpolates linearly: opacity or extinction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Transfer function stores opacity in `[0, 1]` per reference length.
@@ -26,22 +26,23 @@ pub enum Quantity {
     Extinction,
 }
 
-/// Largest opacity of a transfer function, just below 1, where extinction would be infinite.
+/// Largest opacity of a transfer function, just below 1; opacity 1 would mean infinite extinction.
 pub const MAX_OPACITY: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// Control point of a transfer function.
+/// Control point of a transfer function: scalar value, opacity or extinction, and colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlPoint {
-    /// Scalar value of the control point, in the volume's scaled units (HU for CT).
+    /// Scalar value at which the transfer function's control point lies, in the volume's scaled units (HU for CT).
     pub value: f64,
-    /// Opacity or extinction at the control point, according to [`TransferFunction::quantity`].
+    /// Opacity or extinction of the transfer function at the control point; [`TransferFunction::quantity`] says
+    /// which.
     pub amount: f64,
-    /// Colour at the control point, linear RGB.
+    /// Colour of the transfer function at the control point, linear RGB.
     pub color: [f64; 3],
 }
 
-/// Transfer function: piecewise linear between its points, constant before the first and after the last. Two points
-/// of equal value are a jump: the earlier holds below the value, the later from it on.
+/// Transfer function: piecewise linear between its control points, constant before the first and after the last. Two
+/// points of equal value are a jump: the first holds below the value, the second from it on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferFunction {
     /// Name of the transfer function for display.
@@ -50,42 +51,46 @@ pub struct TransferFunction {
     pub units: String,
     /// Length to which the transfer function's opacities refer, mm.
     pub reference_length_mm: f64,
-    /// Quantity that the transfer function's points store: opacity or extinction.
+    /// Quantity that the transfer function's control points store: opacity or extinction.
     pub quantity: Quantity,
     /// Control points of the transfer function by non-decreasing value: at least one, at most two of equal value.
     pub points: Vec<ControlPoint>,
-    /// Rules of the transfer function for segmentation labels. Files store neither rules nor clip planes.
+    /// Rules of the transfer function for segmentation labels. Transfer-function files store neither such rules nor
+    /// clip planes.
     pub rules: Vec<LabelRule>,
     /// Clip planes that cut away parts of the volume, at most [`MOST_CLIP_PLANES`].
     pub clip: Vec<ClipPlane>,
 }
 
-/// Visibility of the voxels of some segmentation labels.
+/// Visibility that a rule gives to the voxels of some segmentation labels: hidden, or with their own transfer
+/// function.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LabelVisibility {
-    /// Voxels of the labels are hidden: they have no extinction.
+    /// Voxels with these segmentation labels are hidden: they have no extinction.
     Hidden,
-    /// Voxels of the labels have their own transfer function, whose label rules are ignored.
+    /// Voxels with these segmentation labels have their own transfer function. Rules for labels inside that function
+    /// are ignored.
     Visible(Box<TransferFunction>),
 }
 
-/// Rule that replaces the transfer function for some segmentation labels.
+/// Rule for the voxels of some segmentation labels: they are hidden, or have their own transfer function.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelRule {
     /// Segmentation labels to which the rule applies.
     pub labels: Vec<u32>,
-    /// Visibility of the voxels with the rule's segmentation labels.
+    /// Visibility that this rule gives to the voxels of its segmentation labels: hidden, or with their own transfer
+    /// function.
     pub visibility: LabelVisibility,
 }
 
-/// Number of scalar values at which [`TransferFunction::leaves_extinction`] tests a transfer function, and its
-/// tolerance.
+/// Number of scalar values at which [`TransferFunction::leaves_extinction`] evaluates a transfer function, and
+/// relative tolerance of that test.
 const TESTED_VALUES: u32 = 64;
 const SAME_EXTINCTION: f64 = 1e-4;
 
 impl TransferFunction {
-    /// Creates a white transfer function through points of scalar value and amount, by non-decreasing value.
-    /// Opacities are per mm; name and units are empty.
+    /// Creates a white transfer function through points of scalar value and opacity or extinction, by non-decreasing
+    /// value. Opacities are per mm; name and units are empty.
     pub fn new(quantity: Quantity, points: &[(f64, f64)]) -> Self {
         let white = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
         Self {
@@ -99,7 +104,7 @@ impl TransferFunction {
         }
     }
 
-    /// Opacity or extinction of the transfer function at a scalar value, according to [`Self::quantity`].
+    /// Opacity or extinction of the transfer function at a scalar value; [`Self::quantity`] says which.
     pub fn amount(&self, value: f64) -> f64 {
         self.interpolate(value, |p| p.amount)
     }
@@ -109,8 +114,8 @@ impl TransferFunction {
         self.extinction_of_amount(self.amount(value))
     }
 
-    /// Converts an opacity or extinction of the transfer function to extinction in 1/mm. For opacity it is `-ln(1 -
-    /// min(opacity, 1 - 2^-24)) / reference_length_mm`.
+    /// Converts an opacity or extinction stored in the transfer function to extinction in 1/mm. An opacity becomes
+    /// `-ln(1 - min(opacity, 1 - 2^-24)) / reference_length_mm`.
     pub fn extinction_of_amount(&self, amount: f64) -> f64 {
         match self.quantity {
             Quantity::Opacity => -(-amount.min(MAX_OPACITY)).ln_1p() / self.reference_length_mm,
@@ -118,8 +123,8 @@ impl TransferFunction {
         }
     }
 
-    /// Whether the transfer function uses scalar values from 0 to `largest` as extinction in 1/mm unchanged, up to
-    /// rounding.
+    /// Whether the transfer function is the identity: each scalar value from 0 to `largest` is its own extinction in
+    /// 1/mm, up to rounding.
     pub fn leaves_extinction(&self, largest: f64) -> bool {
         let value = |i: u32| largest * f64::from(i) / f64::from(TESTED_VALUES);
         (0..=TESTED_VALUES).map(value).all(|v| (self.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
@@ -130,16 +135,16 @@ impl TransferFunction {
         std::array::from_fn(|c| self.interpolate(value, |p| p.color[c]))
     }
 
-    /// Largest extinction of the transfer function over the values `[min, max]`, 1/mm. Both sides of a jump at `min`
-    /// count, since rounding may move an interpolated value just below it.
+    /// Largest extinction of the transfer function over the scalar values `[min, max]`, 1/mm. Both sides of a jump at
+    /// `min` count, since rounding may move a value from `min` to just below it.
     pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
         let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
         let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
         self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
     }
 
-    /// Returns the colour (linear RGB) that all values with extinction share; `None` if they differ. It is
-    /// conservative: a point counts if it or a neighbour has extinction.
+    /// Returns the colour (linear RGB) shared by all scalar values with extinction; `None` if their colours differ. A
+    /// control point counts if it or a neighbour has extinction.
     pub fn one_color(&self) -> Option<[f64; 3]> {
         let positive = |i: usize| self.points.get(i).is_some_and(|p| p.amount > 0.0);
         let counts = |i: usize| positive(i) || positive(i + 1) || (i > 0 && positive(i - 1));
@@ -148,12 +153,13 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
-    /// Whether two transfer functions are equal apart from label rules and clip planes.
+    /// Whether two transfer functions are equal apart from clip planes and rules for segmentation labels.
     pub fn is_same_function(&self, other: &Self) -> bool {
         Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self.clone() } == *other
     }
 
-    /// Multiplies the extinction of the transfer function by `factor` at every value.
+    /// Multiplies the extinction of the transfer function by `factor` at every scalar value, also for segmentation
+    /// labels.
     #[must_use]
     pub fn scale_extinction(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
@@ -166,7 +172,8 @@ impl TransferFunction {
         scaled
     }
 
-    /// Maps the scalar values of all points of the transfer function by an increasing function, e.g. to other units.
+    /// Maps the scalar values of all control points of the transfer function by an increasing function, such as a
+    /// conversion of units.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
         let moved =
@@ -175,7 +182,7 @@ impl TransferFunction {
         Self { points: moved(self), rules, ..self.clone() }
     }
 
-    /// Distinct scalar values of the transfer function's points, ascending.
+    /// Distinct scalar values of the transfer function's control points, ascending.
     fn point_values(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.points.iter().map(|p| p.value).collect();
         values.dedup();

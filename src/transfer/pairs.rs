@@ -1,37 +1,41 @@
-//! Precomputed table of the transfer function's breakpoints between two values, for the light march that builds deep
-//! shadow maps (Hadwiger et al. 2006, 3.2).
+//! Precomputed table of the transfer function's breakpoints between two scalar values, for the ray march from the
+//! light that builds deep shadow maps (Hadwiger et al. 2006, 3.2).
 //!
-//! Deviation: an entry stores the *value* at which visibility bends, not a depth, so that the march can place the
-//! node exactly between any two samples of the pair's bins. The table's resolution decides which nodes exist, never
-//! where they lie. No breakpoint is lost: an entry that cannot hold all of them is marked, and the march searches.
+//! Deviation from the paper: an entry stores the *values* at which visibility bends, not depths. The march can
+//! therefore place a node of the transmittance curve exactly between any two samples. The table's resolution decides
+//! which nodes exist, but not where they lie. An entry that cannot hold all breakpoints is marked, and the march
+//! searches for them.
 
 use super::tables::{FAR, binned_range, breaks, intervals};
 use super::{TexelMapping, TransferFunction};
 use rayon::prelude::*;
 
-/// Number of bins along each side of the breakpoint table. They span the range between the first and the last
-/// breakpoint.
+/// Number of value bins along each side of the table of transfer-function breakpoints. The bins span the range
+/// between the first and the last breakpoint.
 pub const PAIR_BINS: usize = 256;
-/// Marks an unused slot in an entry of the breakpoint table.
+/// Marks an unused slot in an entry of the table of transfer-function breakpoints.
 const NO_NODE: u16 = 0xffff;
-/// Marks, in its last slot, an entry of the breakpoint table that cannot store all breakpoints.
+/// Marks, in its last slot, an entry of the table of transfer-function breakpoints that cannot store all breakpoints.
 pub const MORE_NODES: u16 = 0xfffe;
-/// Fraction of a bin by which float32 rounding may move a value into the next bin.
+/// Share of a value bin by which float32 rounding may move a scalar value into the next bin of the table of
+/// transfer-function breakpoints.
 const BIN_ROUNDING: f64 = 1e-3;
 
-/// Table of the transfer function's breakpoints between each two values, where a ray's visibility curve bends.
+/// Table of the transfer function's breakpoints between any two scalar values. At a breakpoint the transmittance
+/// curve of a light ray bends.
 #[derive(Debug, Clone)]
 pub struct PairTable {
-    /// Table of `PAIR_BINS^2` entries, each with up to four indices of transfer-function intervals (u16, the first in
-    /// the low half of the first word). Each index is a breakpoint between the two values.
+    /// Table of `PAIR_BINS^2` entries, one for each pair of value bins. An entry lists up to four breakpoints between
+    /// both values, as indices (u16) of the transfer-function intervals that begin there. The first index is in the
+    /// low half of the first word.
     pub nodes: Vec<[u32; 2]>,
-    /// Whether some entry of the breakpoint table cannot store all breakpoints, so that the light march must search
-    /// for them.
+    /// Whether some entry of the table of transfer-function breakpoints cannot store all of them, so that the ray
+    /// march must search for them.
     pub many_breakpoints: bool,
 }
 
 impl PairTable {
-    /// Builds the breakpoint table of a transfer function over texel values.
+    /// Builds the table of breakpoints of a transfer function over the values stored in the volume texture.
     pub fn build(tf: &TransferFunction, mapping: TexelMapping) -> Self {
         let breaks = breaks(&intervals(tf, mapping));
         let nodes = pair_nodes(&breaks);
@@ -39,7 +43,7 @@ impl PairTable {
         Self { nodes, many_breakpoints }
     }
 
-    /// Size of the breakpoint table on the device, bytes.
+    /// Size of the table of transfer-function breakpoints on the device, bytes.
     pub fn bytes(&self) -> u64 {
         size_of_val(&self.nodes[..]) as u64
     }

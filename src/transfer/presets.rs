@@ -2,14 +2,17 @@
 
 use super::TransferFunction;
 
-/// Meaning of a preset's scalar values, which decides how the preset is scaled to a volume.
+/// Meaning of the scalar values of a transfer-function preset, which decides how the preset is adapted to a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Preset values are Hounsfield units. For a volume in other units -1000 to 800 HU are mapped to its value range.
+    /// The scalar values of the transfer-function preset are Hounsfield units. If a volume has other units, -1000 to
+    /// 800 HU are mapped to its value range.
     Hounsfield,
-    /// Preset values are fractions: 0 and 1 are mapped to the smallest and largest value of the volume.
+    /// The scalar values of the transfer-function preset are fractions: 0 and 1 are mapped to the smallest and
+    /// largest value of the volume.
     Fraction,
-    /// Preset values are extinction in 1/mm, as in voxelised strands; the ramp ends at the volume's largest value.
+    /// The scalar values of the transfer-function preset are extinction in 1/mm, for voxelised strands. The preset's
+    /// ramp ends at the volume's largest value.
     Extinction,
 }
 
@@ -20,7 +23,7 @@ pub struct Preset {
     pub name: &'static str,
     /// Description of the transfer-function preset in one line.
     pub about: &'static str,
-    /// Meaning of the preset's scalar values: HU, fractions or extinction.
+    /// Meaning of the preset's scalar values: Hounsfield units, fractions or extinction.
     pub scale: Scale,
     json: &'static str,
 }
@@ -53,7 +56,7 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// Returns the preset's transfer function in its own units.
+    /// Returns the preset's transfer function in its own units, not adapted to a volume.
     pub fn transfer_function(&self) -> TransferFunction {
         TransferFunction::from_json(self.json).expect("a test reads every preset")
     }

@@ -1,26 +1,28 @@
 //! Device tables of a transfer function over texel values, the numbers stored in the volume texture.
 //!
-//! * `intervals`: the function itself, piecewise linear, for exact evaluation.
-//! * `integrals`: extinction, and extinction times colour, integrated over the value (pre-integration, Engel et al.
-//!   2001 as cited by Hadwiger et al. 2006, 3.2). Their differences never miss a peak between two samples.
+//! * `intervals`: the linear intervals of the transfer function, for exact evaluation.
+//! * `integrals`: extinction, and extinction times colour, integrated over the texel value (pre-integration, Engel et
+//!   al. 2001 as cited by Hadwiger et al. 2006, 3.2). Differences of these integrals never miss a peak between two
+//!   samples.
 
 use super::{Quantity, TransferFunction};
 use rayon::prelude::*;
 
-/// Number of bins of the value axis that find the transfer-function interval of a texel value.
+/// Number of bins of the texel values in the device table with which the transfer-function interval of a texel value
+/// is found.
 pub const VALUE_BINS: usize = 1024;
-/// Number of bins of the table of integrated extinction and colour.
+/// Number of bins of the device table of extinction and colour that are integrated over the texel value.
 pub const TABLE_BINS: usize = 4096;
-/// Largest number of linear intervals of a transfer function on the device. A function of `n` points has at most `n +
-/// 1` intervals.
+/// Largest number of linear intervals of a transfer function on the device. A function of `n` control points has at
+/// most `n + 1` intervals.
 pub const MAX_INTERVALS: usize = 1024;
-/// Large finite number that replaces infinity on the device.
+/// Large finite number that replaces infinity in the device tables of a transfer function.
 pub(super) const FAR: f64 = 1e30;
 
 /// Linear mapping from texel values to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelMapping {
-    /// Change of the volume's scaled value for each unit of the texel value.
+    /// Change of the volume's scaled value when the texel value increases by 1.
     pub scale: f64,
     /// Scaled value of the volume at texel value 0.
     pub offset: f64,
@@ -38,32 +40,33 @@ impl TexelMapping {
     }
 }
 
-/// Device tables of a transfer function, with the layouts of `shaders/field/transfer.wgsl`.
+/// Device tables of a transfer function, laid out for the shader `shaders/field/transfer.wgsl`.
 #[derive(Debug, Clone)]
 pub struct TransferTables {
-    /// Linear intervals of the transfer function, `[start, amount at start, slope, 1 - amount]`, by ascending texel
-    /// value. The first covers all values below the second. `1 - amount` is stored because the logarithm of a
-    /// transmittance needs all its digits.
+    /// Linear intervals of the transfer function by ascending texel value:
+    /// `[start, amount at start, slope, 1 - amount]`, where the amount is opacity or extinction. The first interval
+    /// covers all values below the second. The logarithm of a transmittance needs all digits of `1 - amount`.
     pub intervals: Vec<[f32; 4]>,
-    /// Index of the transfer-function interval at the lower end of each of the [`VALUE_BINS`] value bins.
+    /// Index of the transfer-function interval at the lower end of each of the [`VALUE_BINS`] bins of the texel
+    /// value.
     pub interval_of_bin: Vec<u32>,
-    /// Pre-integrated transfer function: `[extinction * rgb, extinction]` integrated from the lowest texel value to
+    /// Integrals of the transfer function: `[extinction * rgb, extinction]` integrated from the lowest texel value to
     /// each of `TABLE_BINS + 1` bin edges.
     pub integrals: Vec<[f32; 4]>,
-    /// Integrals of extinction for each bin: up to the bin, the float32 rounding error of that sum, over the bin, and
-    /// zero. A high peak before a bin thus costs no precision of a small integral over the bin.
+    /// Integrals of the extinction for each bin of the texel value: the integral up to the bin, its float32 rounding
+    /// error, the integral over the bin, and zero. A small integral over a bin thus stays exact behind a high peak.
     pub extinction_bins: Vec<[f32; 4]>,
     /// Texel value at and below which the transfer function has no extinction.
     pub first_value: f32,
     /// Texel value at and above which the transfer function has no extinction.
     pub last_value: f32,
-    /// Texel value at which the first of the [`VALUE_BINS`] value bins begins.
+    /// Texel value at which the first of the [`VALUE_BINS`] bins of the texel value begins.
     pub bin_origin: f32,
-    /// Number of [`VALUE_BINS`] value bins for each unit of the texel value.
+    /// Number of [`VALUE_BINS`] bins for each unit of the texel value, the reciprocal of a bin's width.
     pub bins_per_value: f32,
-    /// Texel value at which the first of the [`TABLE_BINS`] integral bins begins.
+    /// Texel value at which the first of the [`TABLE_BINS`] bins of the integrated transfer function begins.
     pub table_origin: f32,
-    /// Number of [`TABLE_BINS`] integral bins for each unit of the texel value.
+    /// Number of [`TABLE_BINS`] bins of the integrated transfer function for each unit of the texel value.
     pub table_per_value: f32,
     /// Reciprocal of the transfer function's reference length, 1/mm, if it stores opacity; 0 if it stores extinction.
     pub inv_reference_length: f32,
@@ -77,13 +80,14 @@ pub(super) struct Interval {
     pub slope: f64,
 }
 
-/// Start and total width of the value bins, which reach from the transfer function's first breakpoint to the last.
+/// Start and total width of the bins of texel values, which reach from the transfer function's first breakpoint to
+/// the last.
 pub(super) fn binned_range(breaks: &[f64]) -> (f64, f64) {
     let (first, last) = (breaks.first().copied().unwrap_or(0.0), breaks.last().copied().unwrap_or(0.0));
     (first, if last > first { (last - first) * (1.0 + 1e-6) } else { 1.0 })
 }
 
-/// Texel values of the breakpoints, where one transfer-function interval ends and the next starts.
+/// Texel values of the transfer function's breakpoints, where one of its linear intervals ends and the next begins.
 pub(super) fn breaks(intervals: &[Interval]) -> Vec<f64> {
     intervals.iter().skip(1).map(|i| i.start).collect()
 }
@@ -127,8 +131,8 @@ impl TransferTables {
         }
     }
 
-    /// Size of the transfer function's tables on the device, bytes. Functions of one colour need no integrals of
-    /// colour.
+    /// Size of the transfer function's tables on the device, bytes. A function with one colour (`one_color`) needs no
+    /// integrals of colour.
     pub fn bytes(&self, one_color: bool) -> u64 {
         let colors = if one_color { 0 } else { size_of_val(&self.integrals[..]) };
         let intervals = size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]);
@@ -163,12 +167,12 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
     list
 }
 
-/// Tolerance within which a transfer-function point on the line of its neighbours is redundant, relative to the
-/// amount and to 1 minus it. It is far below float32 precision.
+/// Largest error up to which a control point counts as lying on the line between its neighbours and is removed,
+/// relative to the amount and to 1 minus it. It is far below float32 precision.
 const REDUNDANT: f64 = 1e-8;
 
-/// Merges neighbouring intervals of a transfer function that lie on one line. They occur in functions that list every
-/// value.
+/// Merges neighbouring intervals of a transfer function that lie on one line. They occur in files that store a
+/// control point for every value.
 fn merged(list: Vec<Interval>) -> Vec<Interval> {
     let mut merged: Vec<Interval> = Vec::with_capacity(list.len());
     // Values and amounts of the points within the last interval.
@@ -206,8 +210,8 @@ fn merged(list: Vec<Interval>) -> Vec<Interval> {
     merged
 }
 
-/// Returns texel values `first` and `last`: the transfer function has no extinction at values `<= first` and `>=
-/// last`.
+/// Returns texel values `first` and `last`: the transfer function has no extinction at texel values `<= first` and at
+/// those `>= last`.
 pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     let n = tf.points.len();
     let positive = |i: usize| tf.points[i].amount > 0.0;
@@ -227,7 +231,8 @@ pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> 
     (first, last)
 }
 
-/// Integrates extinction times colour, and extinction, over each table bin.
+/// Integrates extinction times colour, and extinction, of a transfer function over each of the [`TABLE_BINS`] bins of
+/// the texel value.
 fn bins(
     tf: &TransferFunction,
     mapping: TexelMapping,
@@ -264,7 +269,7 @@ fn bins(
     (0..TABLE_BINS).into_par_iter().map(bin).collect()
 }
 
-/// Sums the integrals of extinction and colour over the table's bins up to each bin edge.
+/// Returns the integrals of a transfer function's extinction and colour from the lowest texel value to each bin edge.
 fn integrals(bins: &[[f64; 4]]) -> Vec<[f32; 4]> {
     let mut total = [0.0f64; 4];
     let mut list = vec![[0.0f32; 4]];

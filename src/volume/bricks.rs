@@ -18,24 +18,24 @@ pub const BRICK_CELLS: usize = 4;
 /// Value ranges of all bricks of a volume, x fastest, for empty-space skipping.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bricks {
-    /// Number of bricks along each axis: `ceil((n + 1) / BRICK_CELLS)` for `n` voxels.
+    /// Number of bricks (blocks of grid cells) along each axis: `ceil((n + 1) / BRICK_CELLS)` for `n` voxels.
     pub counts: [usize; 3],
-    /// Smallest physical value in each brick of the volume.
+    /// Smallest physical value in each brick (block of grid cells) of the volume.
     pub min: Vec<f64>,
-    /// Largest physical value in each brick of the volume.
+    /// Largest physical value in each brick (block of grid cells) of the volume.
     pub max: Vec<f64>,
-    /// Segmentation labels in each brick, if the volume has labels.
+    /// Segmentation labels in each brick (block of grid cells), if the volume has labels.
     pub labels: Option<BrickLabels>,
     /// Affine from voxel indices of the volume to world coordinates (RAS+, mm).
     pub world_from_index: DAffine3,
 }
 
-/// Segmentation labels that occur in each brick of a volume.
+/// Segmentation labels that occur in each brick (block of grid cells) of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickLabels {
     /// Sorted segmentation labels of the volume, see [`super::Labels::ids`].
     pub ids: Vec<u32>,
-    /// Set of the segmentation labels in each brick, as indices into `ids`.
+    /// Set of the segmentation labels in each brick; a label is stored as its index in the sorted list `ids`.
     pub sets: Vec<RankSet>,
 }
 
@@ -55,19 +55,19 @@ impl RankSet {
     }
 }
 
-/// Returns the range of voxels that brick `b` interpolates, along an axis of `n` voxels.
+/// Returns the range of voxels that the grid cells of brick `b` interpolate, along an axis of `n` voxels.
 fn voxel_span(b: usize, n: usize) -> std::ops::Range<usize> {
     (BRICK_CELLS * b).saturating_sub(1).min(n - 1)..(BRICK_CELLS * (b + 1)).min(n)
 }
 
 impl Bricks {
-    /// Returns the number of bricks along each axis for a grid of `dims` voxels.
+    /// Returns the number of bricks (blocks of grid cells) along each axis for a volume of `dims` voxels.
     pub fn counts_for(dims: [usize; 3]) -> [usize; 3] {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Computes the value range of every brick. It compares stored values, and converts only the results to physical
-    /// values.
+    /// Computes the value range of every brick of a volume. Compares stored values, and converts only the smallest
+    /// and largest to physical values.
     pub(super) fn build(
         voxels: &Voxels,
         scaling: Scaling,
@@ -82,17 +82,17 @@ impl Bricks {
         Self { labels, world_from_index, ..bricks }
     }
 
-    /// Returns the total number of bricks of the volume.
+    /// Returns the total number of bricks (blocks of grid cells) of the volume.
     pub fn len(&self) -> usize {
         self.min.len()
     }
 
-    /// Whether the list of bricks is empty, which is never true for a volume.
+    /// Whether the volume has no bricks (blocks of grid cells), which is never true.
     pub fn is_empty(&self) -> bool {
         self.min.is_empty()
     }
 
-    /// Whether the value range of some brick overlaps `[low, high]`.
+    /// Whether the value range of at least one brick overlaps the interval `[low, high]`.
     pub fn have_values(&self, low: f64, high: f64) -> bool {
         self.min.iter().zip(&self.max).any(|(&min, &max)| min <= high && max >= low)
     }
@@ -138,7 +138,7 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
     Bricks { counts, min, max, labels: None, world_from_index: DAffine3::IDENTITY }
 }
 
-/// Collects the set of segmentation labels in each brick.
+/// Collects the set of segmentation labels in each brick of a volume.
 fn rank_sets(ranks: &[u8], dims: [usize; 3]) -> Vec<RankSet> {
     let counts = Bricks::counts_for(dims);
     let [nx, ny, nz] = dims;

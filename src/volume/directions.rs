@@ -31,7 +31,7 @@ impl DirectionMoments {
         Ok(Self { dims, index_from_world: world_from_index.inverse(), values })
     }
 
-    /// Returns the number of voxels of the direction grid along x, y and z.
+    /// Returns the number of voxels along x, y and z of the grid that stores the strand directions.
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }
@@ -41,13 +41,14 @@ impl DirectionMoments {
         &self.values
     }
 
-    /// Returns the largest trace of the second moments of any voxel: the largest extinction of the strands, 1/mm.
+    /// Returns the largest trace of the second moments of strand directions in any voxel, which is the largest
+    /// extinction of the strands, 1/mm.
     pub fn largest_trace(&self) -> f64 {
         self.values.iter().map(trace).fold(0.0, f64::max)
     }
 
-    /// Returns the mean of `u u^T` over the strand directions at `x` (world mm). Moments are interpolated trilinearly
-    /// and clamped at the edge; `None` without strands there.
+    /// Returns the mean of `u u^T` over the unit strand directions `u` at position `x` (world mm). Second moments are
+    /// interpolated trilinearly and clamped at the edge; `None` without strands there.
     pub fn mean_at(&self, x: DVec3) -> Option<DMat3> {
         let mut sum = [0.0; 6];
         for ([i, j, k], weight) in trilinear(self.index_from_world.transform_point3(x), self.dims) {
@@ -62,7 +63,7 @@ impl DirectionMoments {
     }
 }
 
-/// Returns the trace of the second moments of a voxel: the total weight of its strand directions.
+/// Returns the trace of the second moments of strand directions in a voxel: the total weight of the directions.
 fn trace([xx, yy, zz, ..]: &[f32; 6]) -> f64 {
     f64::from(*xx) + f64::from(*yy) + f64::from(*zz)
 }

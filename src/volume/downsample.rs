@@ -10,12 +10,12 @@ use ndarray::Array3;
 use std::fmt;
 use std::str::FromStr;
 
-/// Target size of downsampling a volume: automatic, a memory limit, or factors.
+/// Amount of downsampling of a volume: automatic, by a memory limit, or by given factors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Downsample {
     /// Downsamples to a size that fits the textures of the GPU and the free memory.
     Auto,
-    /// Largest size of the downsampled voxels in host memory, bytes.
+    /// Downsamples to a limit of voxel memory on the host, bytes.
     Bytes(u64),
     /// Downsampling factors along i, j, k: the number of voxels that are averaged to one.
     Factors([usize; 3]),
@@ -100,7 +100,7 @@ impl<T: Voxel> BlockMeans<T> {
         Some(Self { dims, factors, sums, counts, rows: 0, values: Vec::new() })
     }
 
-    /// Adds the next row of voxels to the block means; `None` without memory for the means.
+    /// Adds the next row of voxels to the means of the voxel blocks; `None` without memory for the means.
     pub(super) fn push_row(&mut self, row: &[T]) -> Option<()> {
         let ([_, ny, nz], [fx, fy, fz]) = (self.dims, self.factors);
         let (j, k) = (self.rows % ny, self.rows / ny);
@@ -159,8 +159,8 @@ impl Volume {
         Ok(volume.downsampled_from(factors, dims))
     }
 
-    /// Adjusts the affine of a volume whose voxels were downsampled from a grid of `from` voxels, and adds a warning
-    /// about it.
+    /// Adjusts the affine of a volume that was downsampled from a grid of `from` voxels, and adds a warning that it
+    /// was downsampled.
     pub(crate) fn downsampled_from(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
         let [fx, fy, fz] = factors;
         let scale = DVec3::from_array(factors.map(|n| n as f64));

@@ -83,7 +83,7 @@ impl Histogram {
     }
 }
 
-/// Returns the value range and the number of the histogram bins.
+/// Returns the value range that the histogram covers, and the number of its bins.
 fn bins_of(volume: &Volume, max_bins: usize) -> ([f64; 2], usize) {
     let [lo, hi] = volume.value_range();
     let step = volume.scaling().slope.abs();

@@ -31,7 +31,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Kind of file metadata from which the affine of a volume was taken.
+/// Kind of file metadata that gave the affine of a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AffineSource {
@@ -45,7 +45,8 @@ pub enum AffineSource {
     Spacing,
 }
 
-/// Meaning of the voxel values according to the volume file, with the evidence, e.g. `DICOM modality CT`.
+/// Meaning of the voxel values according to the volume file, e.g. Hounsfield units. It includes the evidence, e.g.
+/// `DICOM modality CT`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum ValueMeaning {
     /// The volume file does not tell the meaning of its values.
@@ -57,7 +58,7 @@ pub enum ValueMeaning {
     Other(String),
 }
 
-/// Origin and metadata of a volume, as the command `info` prints them.
+/// Origin and metadata of a volume, as the command `info` prints them: file, format, voxel type, frame and warnings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Provenance {
     /// Path of the volume file, or `phantom:NAME:SIZE` for a built-in volume.
@@ -72,7 +73,7 @@ pub struct Provenance {
     pub frames: usize,
     /// Index of the frame that was read from the volume file, from 0.
     pub frame: usize,
-    /// Meaning of the voxel values, e.g. Hounsfield units.
+    /// Meaning of the voxel values, e.g. Hounsfield units, according to the volume file.
     #[serde(skip)]
     pub values: ValueMeaning,
     /// Number of voxels that were NaN or infinite and were set to the smallest finite value.
@@ -255,7 +256,8 @@ impl Volume {
         })
     }
 
-    /// Returns the value range of each brick of voxels, for empty-space skipping. It is computed once per volume.
+    /// Returns the value range of each brick (block of grid cells), for empty-space skipping. It is computed once per
+    /// volume.
     pub fn bricks(&self) -> &Bricks {
         self.bricks.get_or_init(|| {
             let labels = self.labels.as_deref();
@@ -325,7 +327,7 @@ fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
     (lo <= hi).then_some([lo, hi])
 }
 
-/// Sets voxels that are NaN or infinite to `stored`; returns their number.
+/// Sets voxels that are NaN or infinite to the value `stored`; returns their number.
 fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
     fn replace<T: Voxel>(array: &mut Array3<T>, stored: f64) -> usize {
         let non_finite = array.iter_mut().filter(|v| !v.to_f64().is_finite());

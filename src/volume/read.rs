@@ -7,7 +7,7 @@ use ndarray::Array3;
 use std::fmt;
 use std::io::{self, Read};
 
-/// Reason why the voxels of a volume cannot be read.
+/// Reason why the voxels of a volume cannot be read from a stream.
 #[derive(Debug)]
 pub enum ReadFailure {
     /// The voxel data end early, after `got` bytes.

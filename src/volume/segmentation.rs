@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 
 /// Largest distance of a segmentation value from an integer at which it still counts as a label.
 const INTEGER_TOLERANCE: f64 = 1e-3;
-/// Largest distance between corresponding voxels at which two voxel grids count as equal, in voxels.
+/// Largest distance between corresponding voxels of two voxel grids that count as equal, in voxels.
 const GRID_TOLERANCE: f64 = 1e-3;
 
 impl Labels {
@@ -44,7 +44,7 @@ impl Labels {
     }
 }
 
-/// Rounds a segmentation value to a label; returns the value as an error if it is none.
+/// Rounds a value of a segmentation volume to a label; returns the value as an error if it is none.
 fn label(value: f64) -> std::result::Result<u32, f64> {
     let integer = value.round();
     let is_label =
@@ -52,7 +52,7 @@ fn label(value: f64) -> std::result::Result<u32, f64> {
     if is_label { Ok(integer as u32) } else { Err(value) }
 }
 
-/// Whether an affine map of voxel indices leaves all corners of a grid in place.
+/// Whether an affine map of voxel indices leaves all corners of a voxel grid in place, within a small tolerance.
 fn is_identity(map: DAffine3, dims: [usize; 3]) -> bool {
     (0..8).all(|corner| {
         let at = |axis: usize| if corner >> axis & 1 == 0 { 0.0 } else { dims[axis] as f64 };

@@ -22,8 +22,8 @@ pub struct Browse {
 }
 
 impl Browse {
-    /// Shows the "Browse…" button, whose file dialog starts in the folder of `path`. Returns a path in the frame
-    /// after the user chose one.
+    /// Shows the "Browse…" button. Its file dialog starts in the folder of `path`. Returns the chosen path once, in
+    /// the frame after the user's choice.
     pub fn show(
         &mut self,
         ui: &mut egui::Ui,

@@ -9,10 +9,10 @@ use crate::transfer::{ClipPlane, MOST_CLIP_PLANES};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Shape, Stroke, Vec2, vec2};
 use glam::DVec3;
 
-/// Radius around a clip plane's handle in which the pointer drags it, screen points.
+/// Radius around the handle of a clip plane within which a pointer drag moves the plane, screen points.
 const REACH: f32 = 11.0;
-/// Screen movement of a clip plane, points per mm, below which the plane faces the camera. Vertical drags then move
-/// it.
+/// Threshold below which a clip plane counts as facing the camera, so that vertical drags move it. It applies to the
+/// plane's screen movement (points per mm), relative to picture height over camera distance.
 const FACING: f32 = 1e-3;
 /// Colour of the outlines and handles of clip planes.
 const COLOR: Color32 = Color32::from_rgb(120, 215, 255);
@@ -100,7 +100,8 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     }
 }
 
-/// Moves clip planes when the user drags their handles. The pointer responses of the handles are merged into `any`.
+/// Moves clip planes of the open volume when the user drags their handles. The handles' pointer responses (egui) are
+/// merged into `any`.
 pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, any: &mut egui::Response) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     let mut planes = document.tf.clip.clone();
@@ -121,7 +122,7 @@ pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, any: &mut egui
     document.set_clip(planes, begins);
 }
 
-/// Converts a pointer drag at a world point to a distance along `normal`, mm.
+/// Converts a pointer drag on screen, at a world point, to a movement of this point along `normal`, mm.
 fn drag_mm(camera: &crate::scene::Camera, rect: Rect, at: DVec3, normal: DVec3, drag: Vec2) -> f64 {
     let away = (at - camera.eye).length().max(1e-9);
     // Short enough to be straight on screen.

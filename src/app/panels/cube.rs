@@ -23,7 +23,8 @@ const LEAST_VIEW: Vec2 = vec2(240.0, 190.0);
 const TURN: f64 = std::f64::consts::PI;
 /// Colour of the orientation-cube cell under the pointer. Its contrast to white text is 6.
 const CHOSEN: Color32 = Color32::from_rgb(40, 100, 170);
-/// Minimum cosine between a cube face and the view direction at which the face shows its letter.
+/// Minimum cosine between the normal of a cube face and the view direction at which the orientation cube shows the
+/// anatomical letter of the face.
 const LEGIBLE: f64 = 0.3;
 
 /// Shows the orientation cube over the picture and handles its clicks and drags.

@@ -104,8 +104,8 @@ fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
     })
 }
 
-/// Paints the direction of a light as a point on a disc. The point is filled with `behind` if the light is behind the
-/// volume.
+/// Paints the direction of a light as a dot on a disc. If the light is behind the volume, the dot is filled with the
+/// colour `behind`.
 pub fn paint_light(
     painter: &Painter,
     (center, radius): (Pos2, f32),

@@ -1,4 +1,4 @@
-//! Panels of the viewer window. Each shows one part of the shared state and edits it.
+//! Panels of the viewer window. Each panel shows one part of the viewer's shared state and edits it.
 
 mod browse;
 mod clip;

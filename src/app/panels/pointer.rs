@@ -65,7 +65,8 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
     }
 }
 
-/// Moves the split line between two shadow methods when the user drags it. Its pointer response is merged into `any`.
+/// Moves the split line between two shadow methods when the user drags it. The line's pointer response (egui) is
+/// merged into `any`.
 fn drag_split(ui: &egui::Ui, rect: Rect, split: &mut Split, any: &mut egui::Response) {
     let flickers = split.flickers();
     let Some(share) = split.share.as_mut().filter(|_| !flickers) else { return };

@@ -15,7 +15,8 @@ use std::sync::Arc;
 /// Size of a preset's thumbnail, pixels.
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// Factor that moves the camera closer for preset thumbnails, since the default framing has a margin.
+/// Factor on the camera's field of view in preset thumbnails. It enlarges the volume, because the default framing
+/// leaves a margin.
 const CLOSER: f64 = 0.75;
 /// Ambient light of preset thumbnails, which are rendered without shadows.
 const AMBIENT: f64 = 0.35;
@@ -98,7 +99,7 @@ impl Presets {
     }
 }
 
-/// Shows one preset in the list with its thumbnail. Returns whether the user clicked it.
+/// Shows one transfer-function preset in the list with its thumbnail. Returns whether the user clicked it.
 fn preset_row(
     ui: &mut egui::Ui,
     preset: &Preset,

@@ -14,7 +14,7 @@ pub const TITLE: &str = "Probe";
 /// Minimum height of the transmittance plot in the probe window, screen points.
 const MIN_HEIGHT: f32 = 140.0;
 
-/// Shows the probe window, a plot of transmittance along a light ray, while there is a probe result.
+/// Shows the probe window, a plot of transmittance along a light ray, while a point is probed.
 pub fn show(context: &egui::Context, model: &mut Model) {
     let Some(probe) = &model.probe else { return };
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());

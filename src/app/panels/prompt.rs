@@ -10,7 +10,7 @@ use eframe::egui::text_edit::TextEditState;
 use eframe::egui::{self, Key, Modifiers};
 use std::path::{MAIN_SEPARATOR_STR, Path, absolute, is_separator};
 
-/// Purpose of the file path that the prompt asks for.
+/// Purpose for which the viewer asks the user for a file path: to open, load, save or export a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// Path of a volume, a file of strands or a scene file to open.
@@ -83,7 +83,8 @@ impl Prompt {
         self.open.is_some()
     }
 
-    /// Shows the prompt if it is open. Opens, saves or exports the file when the user confirms the path.
+    /// Shows the prompt for a file path if it is open. Opens, saves or exports the file when the user confirms the
+    /// path.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
         let (title, kind, extensions, _) = purpose.texts();
@@ -139,7 +140,7 @@ impl Prompt {
         }
     }
 
-    /// Shows the prompt's text field for the path, with the file name selected at first.
+    /// Shows the text field of the prompt for a file path, with the file name selected at first.
     fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) {
         let id = egui::Id::unique("path field");
         let takes_focus = self.select_frames > 0;

@@ -10,7 +10,7 @@ use eframe::egui;
 
 /// Width of the value buttons beside a setting of a shadow method, screen points.
 const BUTTONS_WIDTH: f32 = 122.0;
-/// Maximum number of named values of a method setting that are shown as buttons instead of a list.
+/// Maximum number of named values of a shadow-method setting that are shown as buttons instead of a list.
 const MAX_BUTTONS: usize = 4;
 
 /// Shows the shadow section of the side panel: shadow method, settings and build report.

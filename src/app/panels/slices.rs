@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Maximum number of texels along a side of a slice's texture. Larger slices are subsampled.
 const MAX_TEXELS: usize = 512;
 
-/// Contents of a slice texture: index of the slice, and the scalar values shown as black and white.
+/// Contents of a slice texture: index of the volume slice, and the two scalar values shown as black and white.
 type Shown = (usize, [f64; 2]);
 
 /// State of the three views of volume slices: crosshair, grey window and textures.
@@ -22,24 +22,24 @@ type Shown = (usize, [f64; 2]);
 pub struct Slices {
     /// Position of the crosshair in the volume, index coordinates.
     at: DVec3,
-    /// Scalar values that the slices show as black and white; `None` without a volume.
+    /// Two scalar values that the volume slices show as black and white; `None` without a volume.
     window: Option<[f64; 2]>,
-    /// Texture of each slice view with a key of its contents.
+    /// Texture of each volume slice view, with the slice index and grey window for which it was made.
     textures: [Option<(egui::TextureHandle, Shown)>; 3],
 }
 
 /// Volume axes of each slice view: horizontal, vertical and perpendicular to the slice.
 const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [0, 2, 1], [1, 2, 0]];
 
-/// Placement of a volume slice on screen.
+/// Position, size and orientation of a volume slice on screen.
 struct Layout {
-    /// Rectangle of the volume slice on screen, screen points.
+    /// Rectangle in which the volume slice is shown, screen points.
     place: Rect,
     dims: [usize; 3],
-    /// Volume axes of the slice: horizontal, vertical and perpendicular to it.
+    /// Indices of the volume axes that are horizontal, vertical and perpendicular to the slice.
     axes: [usize; 3],
-    /// World directions of the horizontal and vertical axes of the slice. `flip` tells whether each is mirrored on
-    /// screen.
+    /// World directions of the horizontal and vertical axes of the volume slice. `flip` tells whether each axis is
+    /// mirrored on screen.
     world: [DVec3; 2],
     flip: [bool; 2],
 }
@@ -63,7 +63,7 @@ impl Layout {
         Rect::from_min_max(pos2(x[0], y[0]), pos2(x[1], y[1]))
     }
 
-    /// Screen position of a point of the volume on this slice, given by index coordinates.
+    /// Screen position on this volume slice of a point given by index coordinates.
     fn on_screen(&self, at: DVec3) -> egui::Pos2 {
         let [x, y] = [0, 1].map(|i| {
             let axis = self.axes[i];
@@ -73,7 +73,7 @@ impl Layout {
         self.place.min + vec2(x, y) * self.place.size()
     }
 
-    /// Sets the two in-plane index coordinates of `at` to those of a screen position on the slice.
+    /// Moves the volume point `at` (index coordinates) within the slice plane to a screen position on the slice.
     fn move_to(&self, at: &mut DVec3, place: egui::Pos2) {
         let share = (place - self.place.min) / self.place.size();
         for (i, share) in [share.x, share.y].into_iter().enumerate() {
@@ -85,8 +85,8 @@ impl Layout {
 }
 
 impl Slices {
-    /// Resets the crosshair of the slice views to the centre of the volume, and their grey window to the transfer
-    /// function.
+    /// Resets the slice views: crosshair at the centre of the volume, grey window around the value range of the
+    /// transfer function.
     pub fn reset(&mut self, document: Option<&Document>) {
         *self = Self::default();
         let Some(document) = document else { return };
@@ -109,7 +109,7 @@ impl Slices {
         self.at = index.clamp(DVec3::ZERO, last);
     }
 
-    /// Shows the three slices of the volume in `rect`.
+    /// Shows the three slices of the volume in the rectangle `rect` of the window.
     pub fn show(&mut self, ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
         let Some(document) = &model.document else { return };
         let Some(window) = self.window else { return };
@@ -156,7 +156,7 @@ impl Slices {
         shadowed_text(&painter, corner, Align2::RIGHT_BOTTOM, &note, 10.5, theme::DIM_OVER_PICTURE);
     }
 
-    /// Handles pointer input on one slice. Returns whether to probe the point under the crosshair.
+    /// Handles pointer input on one slice of the volume. Returns whether to probe the transmittance at the crosshair.
     fn follow(
         &mut self,
         ui: &egui::Ui,
@@ -187,7 +187,7 @@ impl Slices {
         probes
     }
 
-    /// Texture of a volume slice, updated if the slice index or the grey window has changed.
+    /// Returns the texture of a volume slice. Computes it again if the slice index or the grey window has changed.
     fn texture(
         &mut self,
         context: &egui::Context,

@@ -10,7 +10,8 @@ const MAX_PICTURES: usize = 120;
 /// Width of the column of values in the times section, screen points.
 const VALUE_WIDTH: f32 = 78.0;
 
-/// Function that formats a time, byte count or node count of the times section.
+/// Function that formats a quantity of the times section in the side panel: a time, byte count or number of curve
+/// nodes.
 type Text = fn(f64) -> String;
 
 fn milliseconds(ms: f64) -> String {
@@ -28,7 +29,8 @@ const ROWS: [(&str, &str, Text); 7] = [
     ("nodes", "Nodes of the deep shadow map (both in a split view)", |n| format!("{n:.0}")),
 ];
 
-/// Shows one quantity of the times section as a grid row: name, last value and sparkline of recent pictures.
+/// Shows one quantity in the times section of the side panel: name, value for the last picture, and sparkline of
+/// recent pictures.
 fn show_series(ui: &mut egui::Ui, series: &VecDeque<f64>, name: &str, tooltip: &str, text: Text) {
     let last = series.back().map_or("–".to_owned(), |value| text(*value));
     ui.label(name).on_hover_text(tooltip);
@@ -55,7 +57,7 @@ fn show_series(ui: &mut egui::Ui, series: &VecDeque<f64>, name: &str, tooltip: &
     ui.end_row();
 }
 
-/// Times and memory of recent pictures. The order of the quantities is that of [`ROWS`].
+/// Render times and shadow-map memory of recent pictures. The order of the quantities is that of [`ROWS`].
 #[derive(Default)]
 pub struct Times {
     series: [VecDeque<f64>; ROWS.len()],
@@ -86,7 +88,8 @@ impl Times {
         }
     }
 
-    /// Shows plots of the recorded times and memory, and the times of the last picture.
+    /// Shows sparklines of the render times and shadow-map memory of recent pictures, and the times of the last
+    /// picture.
     pub fn show(&self, ui: &mut egui::Ui, model: &Model) {
         egui::Grid::new("times").num_columns(3).show(ui, |ui| {
             for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.series).enumerate() {

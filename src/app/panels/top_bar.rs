@@ -9,7 +9,7 @@ use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
 use eframe::egui;
 
-/// Width above which the path of a recent volume is shortened in the menu, screen points.
+/// Width above which the path of a recently opened volume is shortened in the menu, screen points.
 const RECENT_WIDTH: f32 = 380.0;
 
 /// Shows the menu bar of the viewer window.

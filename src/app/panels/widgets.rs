@@ -15,7 +15,7 @@ const MAX_TAG_ROWS: usize = 3;
 /// corners. Points.
 pub const NARROW_VIEW: f32 = 480.0;
 
-/// Frame of a panel without background fill, since the window is already cleared to the panel colour.
+/// egui frame of a panel without background fill, since the window is already cleared to the panel colour.
 pub fn unfilled(ui: &egui::Ui) -> egui::Frame {
     egui::Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT)
 }
@@ -67,12 +67,12 @@ pub fn property(ui: &mut egui::Ui, name: &str, value: String, tooltip: &str) {
     ui.end_row();
 }
 
-/// Returns the name of a shadow method from its text with settings: `dsm` from `dsm:map=64`.
+/// Returns the name of a shadow method from a text with its settings: `dsm` from `dsm:map=64`.
 pub fn method_name(spec: &str) -> &str {
     spec.split(':').next().unwrap_or(spec)
 }
 
-/// Returns the file name of a path, or of the source of a volume.
+/// Returns the file name of a path, or of the source (path or name) of a volume.
 pub fn file_name(source: &str) -> &str {
     source.rsplit(['/', '\\']).next().unwrap_or(source)
 }

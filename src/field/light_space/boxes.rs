@@ -1,10 +1,11 @@
-//! Boxes of active bricks (those with extinction) in grid space, and rectangles in the plane of a shadow map.
+//! Boxes around active bricks (blocks of cells with extinction) in voxel index coordinates plus one, and rectangles
+//! in the projection plane of a shadow map.
 
 use crate::field::ActiveBricks;
 use crate::field::active_bricks::brick_box;
 use glam::{DVec2, DVec3};
 
-/// Box of volume cells in grid space, whose coordinates are voxel indices plus one.
+/// Box of volume cells in grid space: voxel index coordinates plus one.
 #[derive(Clone, Copy)]
 pub struct GridBox {
     pub center: DVec3,
@@ -12,14 +13,15 @@ pub struct GridBox {
 }
 
 impl GridBox {
-    /// Returns the box around the bricks from `first` to `last` in grid space, clipped to the volume.
+    /// Returns the box that contains the bricks (blocks of voxel cells) from `first` to `last` in grid space, clipped
+    /// to the volume.
     fn of_bricks(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> Self {
         let [low, high] = brick_box(first, last, dims);
         Self { center: 0.5 * (low + high), half: 0.5 * (high - low) }
     }
 
-    /// Returns the box around all active bricks (those with extinction), or around the whole volume if no brick is
-    /// active.
+    /// Returns the box around all active bricks (blocks of cells with extinction), or around the whole volume if no
+    /// brick is active.
     pub fn of_active(active: &ActiveBricks, dims: [usize; 3]) -> Self {
         let [first, last] = active.bounds.unwrap_or([[0; 3], active.counts.map(|n| n - 1)]);
         Self::of_bricks(first, last, dims)
@@ -33,20 +35,21 @@ impl GridBox {
     }
 }
 
-/// Returns the positions of the active bricks (those with extinction) in the grid of bricks, x fastest.
+/// Returns the grid positions of the active bricks (blocks of cells with extinction), x fastest.
 fn active_positions(active: &ActiveBricks) -> impl Iterator<Item = [usize; 3]> + '_ {
     let [nx, ny, _] = active.counts;
     let is_active = active.distance.iter().enumerate().filter(|(_, d)| **d == 0);
     is_active.map(move |(i, _)| [i % nx, i / nx % ny, i / (nx * ny)])
 }
 
-/// Returns the box of each active brick (brick with extinction) in grid space.
+/// Returns the box of each active brick (block of cells with extinction) in grid space: voxel index coordinates plus
+/// one.
 pub fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
     active_positions(active).map(move |at| GridBox::of_bricks(at, at, dims))
 }
 
-/// Returns the boxes of the active bricks (those with extinction) that `wanted` accepts. Adjacent bricks along x
-/// share one box.
+/// Returns the boxes of those active bricks (blocks of cells with extinction) that `wanted` accepts. Adjacent bricks
+/// along x share one box.
 pub fn active_rows(
     active: &ActiveBricks,
     dims: [usize; 3],
@@ -63,7 +66,7 @@ pub fn active_rows(
     rows.into_iter().map(|(first, last)| GridBox::of_bricks(first, last, dims)).collect()
 }
 
-/// Rectangle in the plane coordinates of a shadow map, across the light.
+/// Rectangle in the projection plane of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Region {
     pub lo: DVec2,
@@ -71,7 +74,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// Returns the smallest rectangle around points in the plane of a shadow map.
+    /// Returns the smallest rectangle around points in the projection plane of a shadow map.
     pub fn around(points: impl IntoIterator<Item = DVec2>) -> Self {
         let empty = Self { lo: DVec2::INFINITY, hi: DVec2::NEG_INFINITY };
         points.into_iter().fold(empty, |r, p| Self { lo: r.lo.min(p), hi: r.hi.max(p) })
@@ -85,24 +88,24 @@ impl Region {
         self.size().element_product()
     }
 
-    /// Returns the intersection of two rectangles in the plane of a shadow map.
+    /// Returns the intersection of two rectangles in the projection plane of a shadow map.
     pub fn within(self, other: Self) -> Self {
         Self { lo: self.lo.max(other.lo), hi: self.hi.min(other.hi) }
     }
 
-    /// Returns a rectangle in the plane of a shadow map, extended on each side by a share of its size.
+    /// Returns a rectangle in the projection plane of a shadow map, extended on each side by a share of its size.
     pub fn grown(self, share: f64) -> Self {
         Self { lo: self.lo - share * self.size(), hi: self.hi + share * self.size() }
     }
 
-    /// Returns the smallest square around a rectangle in the plane of a shadow map, with the same centre.
+    /// Returns the smallest square around a rectangle in the projection plane of a shadow map, with the same centre.
     pub fn squared(self) -> Self {
         let half = DVec2::splat(0.5 * self.size().max_element());
         let middle = 0.5 * (self.lo + self.hi);
         Self { lo: middle - half, hi: middle + half }
     }
 
-    /// Whether a rectangle in the plane of a shadow map contains another one, up to rounding.
+    /// Whether a rectangle in the projection plane of a shadow map contains another rectangle, up to rounding.
     pub fn contains(self, other: Self) -> bool {
         let rounding = 1e-9 * self.size();
         (self.lo - rounding).cmple(other.lo).all() && (self.hi + rounding).cmpge(other.hi).all()

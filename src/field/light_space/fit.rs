@@ -1,5 +1,5 @@
-//! Fits the projection of a shadow map to the active bricks (those with extinction), or to those that the camera may
-//! see.
+//! Fits the projection of a shadow map to all active bricks (blocks of cells with extinction), or to those in the
+//! camera's view.
 
 use super::boxes::{GridBox, Region, active_rows};
 use super::mapping::{LightSpace, MapShape, Projection};
@@ -9,29 +9,31 @@ use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-/// Tangent of the largest half angle of a perspective shadow map. A wider map becomes octahedral, since its corner
-/// texels would be far coarser than its central ones.
+/// Tangent of the largest half angle of a perspective shadow map. A wider angle needs an octahedral shadow map, since
+/// corner texels of a perspective one would be too coarse.
 const WIDEST_TANGENT: f64 = 2.0;
 
-/// Smallest and largest number of texels per side of a shadow map, if the scene determines it.
+/// Smallest and largest number of texels per side of a shadow map, if its size is chosen from the scene.
 const LEAST_TEXELS: f64 = 64.0;
 const MOST_TEXELS: f64 = 2048.0;
-/// Width of a shadow-map texel in screen pixels, where voxels appear larger than that; and the largest number of
+/// Width of a shadow-map texel in screen pixels, where a voxel covers several pixels; and the largest number of such
 /// texels per voxel. Finer texels gain little, since the field between voxels is smooth.
 const PIXELS_PER_TEXEL: f64 = 2.0;
 const MOST_TEXELS_PER_VOXEL: f64 = 2.0;
-/// Largest factor by which a shadow map that is reused for a view may exceed the area and the texel width that the
-/// view needs.
+/// Factor by which the area and the texel width of a reused shadow map may exceed the needs of a new view. Beyond it,
+/// the map is built again.
 const MOST_TOO_LARGE: f64 = 2.0;
 
-/// Largest ratio of areas at which a shadow map with axes along the view direction replaces one with default axes.
+/// Ratio of areas, turned shadow map to default one, below which the axes of a shadow map are turned along the view
+/// direction.
 const WORTH_TURNING: f64 = 0.8;
-/// Smallest sine of the angle between view and light direction for a shadow map with axes along the view direction.
+/// Smallest sine of the angle between view and light direction at which the axes of a shadow map can be turned along
+/// the view direction.
 const LEAST_ACROSS: f64 = 0.05;
 
 impl LightSpace {
-    /// Fits the projection of a shadow map to the active bricks (those with extinction), or to those that a view may
-    /// show. It leaves a border of empty texels where the projection allows one.
+    /// Fits the projection of a shadow map to all active bricks (blocks of cells with extinction), or to those in a
+    /// camera's view. Except in an octahedral map, it leaves a border of empty texels.
     pub fn fit(
         volume: &Volume,
         active: &ActiveBricks,
@@ -65,8 +67,8 @@ impl LightSpace {
         space.laid_out(volume, region, Some(wanted))
     }
 
-    /// Returns the coordinate frame and the depth range of a shadow map, before its texels are laid out. The `a` axis
-    /// of the frame lies along the component of `along` across the light.
+    /// Returns a light space with the axes, the projection and the depth range of a shadow map, but without its
+    /// texels. The first axis lies along the part of `along` that is perpendicular to the light.
     fn framed(
         volume: &Volume,
         active: &ActiveBricks,
@@ -127,8 +129,8 @@ impl LightSpace {
         space
     }
 
-    /// Lays out the texels of a shadow map over a region of its plane. If the map has no fixed number of texels, they
-    /// are `wanted_mm` wide (`None`: one voxel).
+    /// Sets the texels of a shadow map to cover a rectangle of its projection plane. If the settings do not fix the
+    /// number of texels, a texel is `wanted_mm` wide (`None`: as wide as a voxel).
     fn laid_out(mut self, volume: &Volume, covered: Region, wanted_mm: Option<f64>) -> Self {
         // Texels of a part are square; tiles outside it are not built.
         let region = if self.region.is_some() { covered.squared() } else { covered };
@@ -152,9 +154,9 @@ impl LightSpace {
         self
     }
 
-    /// Whether this shadow map can be reused for another view of the same bricks under the same light (`None`: for
-    /// all points). It has to cover the visible bricks; its area and its texel width may be at most twice what the
-    /// view needs.
+    /// Whether this shadow map can be reused for another camera view of the same bricks under the same light (`None`:
+    /// for all points). It has to cover the visible bricks; its area and its texel width may be at most twice what
+    /// the view needs.
     pub fn serves(&self, volume: &Volume, active: &ActiveBricks, light: Light, view: Option<&View>) -> bool {
         let Some(view) = view.filter(|_| self.can_fit_view()) else {
             return self.region.is_none();
@@ -179,8 +181,8 @@ impl LightSpace {
         covered && region.area() <= MOST_TOO_LARGE * least && !wide
     }
 
-    /// Whether fitting this shadow map again, to a view (`None`: to all points) of the same bricks under the same
-    /// light, would give the same map.
+    /// Whether a new fit to a camera view (`None`: to all points), of the same bricks under the same light, would
+    /// give the same projection as this shadow map has.
     pub fn is_fitted_to(
         &self,
         volume: &Volume,
@@ -191,13 +193,14 @@ impl LightSpace {
         Self::fit(volume, active, light, self.shape, view).is_laid_out_as(self)
     }
 
-    /// Whether the shadow map covers only a part of the active bricks (those with extinction): the part that a view
-    /// shows.
+    /// Whether the shadow map covers only those active bricks (blocks of cells with extinction) that lie in a
+    /// camera's view.
     pub fn is_of_view(&self) -> bool {
         self.region.is_some()
     }
 
-    /// Whether the shadow map covers the light ray through the given texel coordinates. Other rays may be skipped.
+    /// Whether the shadow map covers the light ray through the given texel coordinates. Rays that are not covered
+    /// need not be built.
     pub fn covers(&self, texel: DVec2) -> bool {
         let plane = (texel - self.texel_offset) / self.texel_scale;
         self.region.is_none_or(|region| region.contains(Region { lo: plane, hi: plane }))
@@ -209,21 +212,22 @@ impl LightSpace {
             == (other.map_size, other.world_from_frame, other.texel_scale, other.texel_offset, other.region)
     }
 
-    /// Whether the shadow map may cover only the part of the active bricks (those with extinction) that a view shows.
+    /// Whether the shadow map may be limited to those active bricks (blocks of cells with extinction) that lie in the
+    /// camera's view.
     fn can_fit_view(&self) -> bool {
         let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }
 
-    /// Returns the boxes of the active bricks (those with extinction) that a view may show. Adjacent bricks along x
-    /// share one box.
+    /// Returns the boxes of the active bricks (blocks of cells with extinction) that may lie in a camera's view.
+    /// Adjacent bricks along x share one box.
     fn visible_rows(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
         let frustum = view.frustum(&self.grid_from_world.inverse());
         active_rows(active, volume.dims(), |b| frustum.may_intersect(b.center, b.half))
     }
 
-    /// Returns the rectangle in the shadow map's plane around the given boxes, or around all bricks with extinction
-    /// if there are no boxes.
+    /// Returns the rectangle around the given boxes in the projection plane of the shadow map. If there are no boxes,
+    /// it contains all bricks with extinction.
     fn region_of(&self, volume: &Volume, active: &ActiveBricks, boxes: &[GridBox]) -> Region {
         if self.projection == Projection::Octahedral {
             return Region { lo: DVec2::NEG_ONE, hi: DVec2::ONE };
@@ -235,8 +239,8 @@ impl LightSpace {
         Region::around(corners.map(|g| self.plane(frame_from_grid.transform_point3(g))))
     }
 
-    /// Returns the width of a shadow-map texel that suits a view, mm: one voxel, or less if voxels appear large in
-    /// the picture.
+    /// Returns the width of a shadow-map texel that suits a camera view, mm: one voxel, or less if a voxel covers
+    /// several pixels of the picture.
     fn texel_wanted(&self, volume: &Volume, visible: &[GridBox], view: &View) -> f64 {
         let voxel = volume.min_spacing_mm();
         let weight = |b: &GridBox| b.half.element_product();

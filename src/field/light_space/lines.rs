@@ -1,4 +1,4 @@
-//! Traversal of the texels of a shadow map along a line segment.
+//! Visits the texels of a shadow map that a line segment crosses, in order.
 
 use super::mapping::{LightSpace, Projection};
 use glam::DVec3;
@@ -8,22 +8,23 @@ use glam::DVec3;
 pub struct TexelSegment {
     /// Column and row of the shadow-map texel in which this part of a line segment lies.
     pub texel: [u32; 2],
-    /// Depth along the light ray at the middle of this part of a line segment, mm.
+    /// Distance along the light ray at the middle of this part of a line segment (its depth in the shadow map), mm.
     pub depth_mm: f64,
-    /// Difference in depth along the light ray between the ends of this part of a line segment, mm.
+    /// Difference between the depths at the ends of this part of a line segment, along the light ray, mm.
     pub extent_mm: f64,
-    /// Length across the light ray of this part of a line segment, mm.
+    /// Length of this part of a line segment, projected perpendicular to the light ray, mm.
     pub across_mm: f64,
-    /// Area of the shadow-map texel across the light ray, at the middle of this part of a line segment, mm^2.
+    /// Cross-section of the shadow-map texel, perpendicular to the light ray at the middle of this part of a line
+    /// segment, mm^2.
     pub texel_mm2: f64,
 }
 
-/// Smallest distance from the point where a shadow map's projection is singular (the light), as a share of the
-/// distances involved.
+/// Smallest divisor of the perspective or octahedral projection of a line segment to a shadow map, relative to the
+/// lengths involved. Nearer to the light, the projection is singular.
 const SINGULAR: f64 = 1e-9;
 
-/// Part of a line whose texel coordinates in a shadow map are linear in homogeneous form. Both ends hold column and
-/// row times a divisor, and the divisor; texel `k` spans `[k, k + 1]`.
+/// Part of a line segment in homogeneous texel coordinates of a shadow map, in which the projection of the segment is
+/// linear. Each end is column times divisor, row times divisor, and divisor; texel `k` spans `[k, k + 1]`.
 #[derive(Debug, Clone, Copy)]
 struct ProjectedLine {
     t: [f64; 2],
@@ -35,7 +36,8 @@ impl ProjectedLine {
         self.ends[0].lerp(self.ends[1], share)
     }
 
-    /// Clips a projected line to the part where a linear function is not negative. Returns `None` if nothing is left.
+    /// Clips a line segment, projected to a shadow map, to the part where a given linear function is not negative.
+    /// Returns `None` if nothing is left.
     fn where_positive(self, function: impl Fn(DVec3) -> f64) -> Option<Self> {
         let [a, b] = self.ends.map(function);
         if a < 0.0 && b < 0.0 {
@@ -48,8 +50,8 @@ impl ProjectedLine {
         Some(Self { t, ends: shares.map(|share| self.at(share)) })
     }
 
-    /// Clips a projected line to a shadow map of `size` texels per side, and to homogeneous divisors of at least
-    /// `least`.
+    /// Clips a line segment, projected to a shadow map, to the `size` texels per side of the map. The homogeneous
+    /// divisor is clipped to at least `least`.
     fn on_map(self, size: f64, least: f64) -> Option<Self> {
         self.where_positive(|p| p.z - least)?
             .where_positive(|p| p.x)?
@@ -58,7 +60,8 @@ impl ProjectedLine {
             .where_positive(|p| size * p.z - p.y)
     }
 
-    /// Starts the traversal of the texels that a projected line crosses along one axis of a shadow map.
+    /// Starts the traversal of the texel columns or rows (`axis`) of a shadow map that a projected line segment
+    /// crosses.
     fn texels(&self, axis: usize, last: u32) -> AxisTraversal {
         let coordinate = |p: DVec3| (p[axis] / p.z).floor().clamp(0.0, f64::from(last));
         let [first, end] = self.ends.map(coordinate);
@@ -66,7 +69,8 @@ impl ProjectedLine {
     }
 }
 
-/// State of a texel traversal along one axis of a shadow map: the current texel and the last one.
+/// Traversal of the texel columns or rows of a shadow map along a projected line segment: the current index and the
+/// last one.
 struct AxisTraversal {
     line: ProjectedLine,
     axis: usize,
@@ -75,8 +79,8 @@ struct AxisTraversal {
 }
 
 impl AxisTraversal {
-    /// Returns the line parameter (0 to 1) at which a projected line leaves its current texel; infinite in the last
-    /// texel.
+    /// Returns the parameter (0 to 1) at which a projected line segment leaves its current texel column or row of a
+    /// shadow map; infinite in the last one.
     fn exit(&self) -> f64 {
         if self.texel == self.end {
             return f64::INFINITY;
@@ -92,8 +96,8 @@ impl AxisTraversal {
 }
 
 impl LightSpace {
-    /// Visits the parts of a line segment (end points in world mm) in order. Each part lies in one texel of the
-    /// shadow map and spans at most `most_extent_mm` in depth.
+    /// Visits in order the parts of a line segment that lie in single texels of the shadow map. The ends of the
+    /// segment are in world mm; no part spans more than `most_extent_mm` in depth.
     pub fn texels_along(&self, ends: [DVec3; 2], most_extent_mm: f64, mut visit: impl FnMut(TexelSegment)) {
         let [a, b] = ends.map(|p| self.frame_from_world.transform_point3(p));
         let size = f64::from(self.map_size);
@@ -134,7 +138,8 @@ impl LightSpace {
         (self.world_from_frame.transform_vector3(direction), narrowness * texel_mm2.sqrt())
     }
 
-    /// Splits the line from `a` to `b` (light frame) into parts whose homogeneous texel coordinates are linear.
+    /// Splits the line segment from `a` to `b` (coordinates along the axes of the light) where the projection to the
+    /// shadow map changes its formula. Homogeneous texel coordinates are linear in each part.
     fn linear_parts(&self, a: DVec3, b: DVec3) -> impl Iterator<Item = ProjectedLine> {
         let mut cuts = [0.0, 1.0, 1.0, 1.0, 1.0];
         if self.projection == Projection::Octahedral {
@@ -153,8 +158,8 @@ impl LightSpace {
         parts.filter(|[from, to]| from < to).map(part)
     }
 
-    /// Returns the homogeneous texel coordinates of a point in the light frame: column and row times a divisor, and
-    /// the divisor. `octant` holds the signs of the point's direction from the light.
+    /// Returns the homogeneous texel coordinates of a point: column times divisor, row times divisor, and divisor.
+    /// The point is given along the axes of the light; `octant` holds the signs of its direction from the light.
     fn homogeneous(&self, p: DVec3, octant: DVec3) -> DVec3 {
         let (x, y, divisor) = match self.projection {
             Projection::Orthographic => (p.x, p.y, 1.0),
@@ -201,7 +206,8 @@ impl LightSpace {
         }
     }
 
-    /// Returns the distance from the light to a point in the light frame, mm; infinite for a directional light.
+    /// Returns the distance from the light to a point, which is given along the axes of the light, mm; infinite for a
+    /// directional light.
     fn distance(&self, p: DVec3) -> f64 {
         match self.projection {
             Projection::Orthographic => f64::INFINITY,
@@ -210,8 +216,8 @@ impl LightSpace {
         }
     }
 
-    /// Returns the direction of the light ray through a point in the light frame, and the area (mm^2) of a shadow-map
-    /// texel across the ray there.
+    /// Returns the direction of the light ray through a point, and the cross-section (mm^2) of a shadow-map texel
+    /// perpendicular to the ray there. Point and direction are given along the axes of the light.
     fn ray_and_area(&self, p: DVec3) -> (DVec3, f64) {
         let plane_mm2 = 1.0 / (self.texel_scale.x * self.texel_scale.y).abs();
         let (direction, on_plane) = match self.projection {
@@ -229,10 +235,11 @@ impl LightSpace {
     }
 }
 
-/// Largest number of parts into which a line segment is cut in one texel of a shadow map. Beyond it, parts exceed the
-/// limit on their depth.
+/// Largest number of parts into which a line segment is cut in one texel of a shadow map, to limit the depth of each
+/// part. A longer segment has deeper parts.
 const MOST_PARTS: f64 = 4096.0;
-/// Largest depth that a part of a line segment spans, as a share of its distance from the light.
+/// Largest depth that a part of a line segment spans in a shadow-map texel, as a share of its distance from the
+/// light.
 const MOST_SHARE: f64 = 0.1;
 
 #[cfg(test)]

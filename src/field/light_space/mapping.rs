@@ -1,5 +1,5 @@
-//! Mapping between world points, the light frame and the texels of a shadow map. The host composes all transforms in
-//! `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
+//! Mapping between world points, the light frame (coordinates along the axes of the light) and the texels of a shadow
+//! map. The host composes all transforms in `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
 
 use super::boxes::{GridBox, Region, active_boxes};
 use crate::field::constants::TILE;
@@ -8,22 +8,23 @@ use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3};
 
-/// Layout of a shadow map, and the way its light rays are marched.
+/// Settings of a shadow map that determine its projection: its number of texels, its extent, and the way light rays
+/// are marched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapShape {
-    /// Number of texels per side of a shadow map; `None`: about one per voxel, or more if voxels appear large in the
-    /// picture.
+    /// Number of texels per side of the shadow map. `None`: about one per voxel, or more if a voxel covers several
+    /// pixels of the picture.
     pub texels: Option<u32>,
-    /// Whether a shadow map covers only the active bricks (those with extinction) that the camera may see.
+    /// Whether a shadow map covers only the active bricks (blocks of cells with extinction) that the camera may see.
     pub fits_view: bool,
-    /// Number of texels on each side of a point that a query for transmittance reads in the shadow map.
+    /// Number of texels on each side of a point that a query of the shadow map reads.
     pub reach: u32,
-    /// Way in which light rays are marched to build the shadow map.
+    /// Way in which the light rays of the shadow map are marched: by cells, by samples, or by strands.
     pub march: March,
 }
 
 impl MapShape {
-    /// Smallest size of a shadow map with a border of empty texels, in texels per side. A smaller map has no border
+    /// Smallest number of texels per side of a shadow map with a border of empty texels. A smaller map has no border
     /// and covers all bricks with extinction.
     pub const LEAST_WITH_BORDER: u32 = 8;
 }
@@ -33,20 +34,20 @@ impl MapShape {
 pub enum Projection {
     /// Orthographic shadow map: parallel rays of a directional light.
     Orthographic = 0,
-    /// Perspective shadow map of a point light that sees all bricks with extinction within a cone.
+    /// Perspective shadow map of a point light from which a cone contains all bricks with extinction.
     Perspective = 1,
-    /// Octahedral shadow map of a point light inside or close to the bricks with extinction, with rays in all
-    /// directions.
+    /// Octahedral shadow map, with rays in all directions, of a point light inside or close to the bricks with
+    /// extinction.
     Octahedral = 2,
 }
 
-/// Maps a direction to a point in the square `[-1, 1]^2` of an octahedral map.
+/// Maps a direction to a point in the square `[-1, 1]^2` of the octahedral projection.
 fn octahedral_from_direction(w: DVec3) -> DVec2 {
     let p = w.truncate() / (w.x.abs() + w.y.abs() + w.z.abs()).max(1e-300);
     if w.z >= 0.0 { p } else { fold_octahedron(p) }
 }
 
-/// Returns the unit direction of a point in the square `[-1, 1]^2` of an octahedral map.
+/// Returns the unit direction of a point in the square `[-1, 1]^2` of the octahedral projection.
 fn direction_from_octahedral(p: DVec2) -> DVec3 {
     let z = 1.0 - p.x.abs() - p.y.abs();
     let p = if z >= 0.0 { p } else { fold_octahedron(p) };
@@ -79,29 +80,31 @@ pub(in crate::field) struct LightUniform {
     pub padding: f32,
 }
 
-/// Projection of a shadow map: texels across the light, millimetres along the light rays.
+/// Projection of a shadow map: from world points to texel coordinates, and to depth along the light rays in mm.
 #[derive(Debug, Clone)]
 pub struct LightSpace {
     /// Kind of projection of the shadow map: orthographic, perspective or octahedral.
     pub projection: Projection,
     /// Number of texels per side of the shadow map.
     pub map_size: u32,
-    /// Affine transform from light-frame coordinates (mm) to world coordinates (mm).
+    /// Affine transform from the light frame (coordinates along the axes of the light, mm) to world coordinates (mm).
     pub(super) world_from_frame: DAffine3,
     pub(super) frame_from_world: DAffine3,
     pub(super) grid_from_world: DAffine3,
-    /// Distance from a point light to the origin of the light frame of a perspective shadow map, mm.
+    /// Distance from the point light of a perspective shadow map to the origin of the light frame (coordinates along
+    /// the axes of the light), mm.
     pub(super) light_distance: f64,
-    /// Scale from plane coordinates to texel coordinates of the shadow map: texel = plane * scale + offset. Texel
-    /// centres lie at whole numbers.
+    /// Scale from coordinates in the projection plane to texel coordinates of the shadow map: texel = plane * scale +
+    /// offset. Texel centres lie at whole numbers.
     pub(super) texel_scale: DVec2,
     pub(super) texel_offset: DVec2,
-    /// Smallest and largest depth along light rays, mm; all active bricks (those with extinction) lie between them.
+    /// Smallest and largest depth along the light rays of the shadow map, mm. All active bricks (blocks of cells with
+    /// extinction) lie between them.
     pub z_range: [f64; 2],
     /// Distance between regular samples along a light ray, mm; 0 if light rays are marched in another way.
     pub step_mm: f64,
-    /// Region of the shadow map's plane that is covered, if the map was fitted to a view; `None`: the map covers all
-    /// bricks with extinction.
+    /// Rectangle of the projection plane that the shadow map covers, if it was fitted to a camera view. `None`: the
+    /// map covers all bricks with extinction.
     pub(super) region: Option<Region>,
     pub(super) shape: MapShape,
 }
@@ -139,7 +142,7 @@ impl LightSpace {
         }
     }
 
-    /// Returns the length of the shadow map's depth range ([`Self::z_range`]), mm; above 0.
+    /// Returns the length of the shadow map's depth range along the light rays, mm; always above 0.
     pub fn depth_range_mm(&self) -> f64 {
         (self.z_range[1] - self.z_range[0]).max(1e-9)
     }
@@ -149,8 +152,7 @@ impl LightSpace {
         self.mm_per_plane() * (1.0 / self.texel_scale).max_element()
     }
 
-    /// Returns the length across the light of one unit of the shadow map's plane coordinates, in the middle of the
-    /// map, mm.
+    /// Returns the length in mm of one unit of coordinates in the projection plane, at the middle of the shadow map.
     pub(super) fn mm_per_plane(&self) -> f64 {
         match self.projection {
             Projection::Orthographic => 1.0,
@@ -159,14 +161,13 @@ impl LightSpace {
         }
     }
 
-    /// Returns the number of tiles along a side of the shadow map.
+    /// Returns the number of tiles (squares of texels) along a side of the shadow map.
     pub fn tiles_across(&self) -> u32 {
         self.map_size.div_ceil(TILE)
     }
 
-    /// Tests which tiles of the shadow map may contain active bricks (those with extinction). The result is
-    /// row-major, with [`Self::tiles_across`] squared entries. The test is conservative, since it uses the bounding
-    /// rectangle of each brick.
+    /// Returns, for each tile of the shadow map in row-major order, whether it may contain active bricks (blocks of
+    /// cells with extinction). The test uses the bounding rectangle of each brick, and so it never misses one.
     pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
         let across = self.tiles_across();
         if self.projection == Projection::Octahedral {
@@ -195,8 +196,8 @@ impl LightSpace {
         tiles
     }
 
-    /// Returns the range of texels that the shadow map covers, and the texels around it that queries for
-    /// transmittance read; `None`: all texels.
+    /// Returns the first and last texel, as texel coordinates, that queries of a shadow map may read, if the map
+    /// covers only a part of the scene. `None`: all texels.
     fn texels_covered(&self) -> Option<[DVec2; 2]> {
         let reach = DVec2::splat(f64::from(self.shape.reach));
         self.region.map(|region| {
@@ -232,7 +233,8 @@ impl LightSpace {
         }
     }
 
-    /// Returns the coordinates in the shadow map's plane of a point in the light frame.
+    /// Returns the coordinates of a point in the projection plane of the shadow map. The point is given along the
+    /// axes of the light.
     pub(super) fn plane(&self, p: DVec3) -> DVec2 {
         match self.projection {
             Projection::Orthographic => p.truncate(),
@@ -241,7 +243,7 @@ impl LightSpace {
         }
     }
 
-    /// Returns the depth along the light ray of a point in the light frame, mm.
+    /// Returns the depth of a point along the light ray, mm. The point is given along the axes of the light.
     pub(super) fn depth(&self, p: DVec3) -> f64 {
         match self.projection {
             Projection::Orthographic => p.z,
@@ -254,7 +256,8 @@ impl LightSpace {
         }
     }
 
-    /// Returns a conservative range of depths along the light rays for a box in grid space, mm.
+    /// Returns a range of depths along the light rays that contains a box of volume cells, mm. The range may be
+    /// larger than necessary.
     pub(super) fn depths(&self, world_from_grid: &DAffine3, bounds: GridBox) -> [f64; 2] {
         let frame_from_grid = self.frame_from_world * *world_from_grid;
         let center = frame_from_grid.transform_point3(bounds.center);

@@ -1,7 +1,7 @@
-//! Light space: the projection of a shadow map, fitted to the active bricks (those with extinction).
+//! Light space: the projection of a shadow map, fitted to the active bricks (blocks of cells with extinction).
 //!
-//! The light frame is in millimetres, `(a, b, h)` with `h` away from the light; depth `z` is distance along the light
-//! ray.
+//! The light frame has the coordinates `(a, b, h)` along the axes of the light, in mm; `h` points away from the
+//! light. Depth `z` is the distance along the light ray.
 
 mod boxes;
 mod fit;

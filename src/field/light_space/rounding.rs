@@ -4,18 +4,19 @@ use super::mapping::{LightSpace, Projection};
 use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Number of float32 roundings in a coordinate of a light ray, each of half a unit in the last place. The plane
-/// coordinate has 3 (a division counts as 5), the direction 3, products and sums 4, mirroring one; the inputs add
-/// theirs.
+/// Number of float32 roundings in a coordinate of a point on a light ray, each of half a unit in the last place. They
+/// are 3 for the coordinates in the projection plane (a division counts as 5), 3 for the direction, 4 for products
+/// and sums, and 1 for mirroring; the rest is from the inputs.
 const ROUNDINGS: f64 = 17.0;
-/// Number of further float32 roundings of a light ray's coordinate in the mirrored volume: those of the ray's start
-/// and of a point.
+/// Number of further float32 roundings, for the start of a light ray and a point on it, where the volume is mirrored
+/// so that the ray runs along rising coordinates.
 const MIRRORED_ROUNDINGS: f64 = 2.0;
 
-/// Number of float32 roundings in a sum of four products with rounded factors.
+/// Number of float32 roundings in a sum of four products, such as one row of an affine transform, whose factors are
+/// rounded too.
 const DOT_ROUNDINGS: f64 = 6.0;
-/// Largest float32 error of a texel coordinate for which an error bound is given, in texels. Larger errors occur near
-/// a point light.
+/// Largest float32 error of a texel coordinate in a shadow map for which an error bound is given, in texels. The
+/// error is larger near a point light.
 const MOST_TEXEL_ERROR: f64 = 2.5e-4;
 
 /// Bounds on the float32 errors of positions on the light rays of a shadow map.
@@ -23,16 +24,16 @@ const MOST_TEXEL_ERROR: f64 = 2.5e-4;
 pub struct Rounding {
     /// Largest float32 error of a point's position on a light ray, mm.
     pub position_mm: f64,
-    /// Largest float32 error of a point's texel coordinate in the shadow map, in texels. It holds beyond
-    /// `from_light_mm` from a point light.
+    /// Largest float32 error of a point's texel coordinate in the shadow map, in texels. It does not hold within
+    /// `from_light_mm` of a point light.
     pub texels: f64,
-    /// Distance from a point light within which texel coordinates have no error bound, mm.
+    /// Distance from a point light within which texel coordinates of the shadow map have no error bound, mm.
     pub from_light_mm: f64,
 }
 
 impl LightSpace {
-    /// Returns the largest float32 errors of points on the light ray of a texel, with or without clip planes; see
-    /// `docs/bound.md`, "Positions".
+    /// Returns bounds on the float32 errors of points on the light rays of a shadow map. `clips` says whether there
+    /// are clip planes; see `docs/bound.md`, "Positions".
     pub fn rounding(&self, volume: &Volume, clips: bool) -> Rounding {
         // The distance of a clip plane is a sum of four products, too.
         let roundings = ROUNDINGS + if clips { DOT_ROUNDINGS } else { 0.0 };

@@ -11,7 +11,7 @@ use flate2::read::ZlibDecoder;
 use roxmltree::Node;
 use std::io::{self, Cursor, Read};
 
-/// Largest compression ratio of zlib.
+/// Largest compression ratio that zlib can reach; a VTK file that claims more is rejected.
 const MOST_RATIO: u64 = 1100;
 
 /// Encoding of the data arrays of a VTK XML file.

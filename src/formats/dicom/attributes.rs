@@ -12,7 +12,7 @@ pub(super) fn is_padding(c: char) -> bool {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Attributes {
     pub(super) values: BTreeMap<Tag, PrimitiveValue>,
-    /// Items of the DICOM sequences (SQ), by the tag of the sequence.
+    /// Items of each DICOM sequence (SQ), keyed by the tag of the sequence.
     pub(super) items: BTreeMap<Tag, Vec<Attributes>>,
 }
 

@@ -1,4 +1,5 @@
-//! Content of a DICOM file that a volume needs: attributes of the image frames and byte positions of the pixel data.
+//! Stores the parts of a DICOM file that the volume reader needs: image attributes, and byte positions of the pixel
+//! data.
 
 use super::attributes::Attributes;
 use dicom_core::Tag;
@@ -9,7 +10,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Largest number of frames in a DICOM file.
+/// Largest accepted number of frames in a DICOM file.
 pub(super) const MAX_FRAMES: usize = 1 << 16;
 /// Byte range in a DICOM file, given by offset and length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +37,8 @@ pub(super) struct DataSet {
     pub(super) root: Attributes,
     pub(super) pixels: PixelData,
     pub(super) has_floats: bool,
-    /// Offset of the deflated data set in a DICOM file; byte ranges then count inflated bytes.
+    /// Byte offset of the deflated data set in a DICOM file; `None` if it is not deflated. For a deflated file, byte
+    /// ranges refer to the inflated data set.
     pub(super) deflated_from: Option<u64>,
     /// Inflated data set of a multi-frame DICOM file with deflated transfer syntax. It is not stored for a
     /// single-frame file, which is inflated again on each read.
@@ -44,8 +46,8 @@ pub(super) struct DataSet {
 }
 
 impl DataSet {
-    /// Returns the attribute group that holds `tag` for a frame. The search order is the per-frame functional group,
-    /// the shared functional group, and the root of the DICOM file.
+    /// Returns the group of DICOM attributes that gives the value of `tag` for an image frame. The search order is
+    /// the per-frame functional group, the shared functional group, and the root of the DICOM file.
     pub(super) fn of_frame(&self, frame: usize, tag: Tag) -> Option<&Attributes> {
         let shared = self.root.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).first();
         let own = self.root.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).get(frame);

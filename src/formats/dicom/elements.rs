@@ -1,8 +1,9 @@
 //! Reads the data elements of a DICOM file with the decoders of `dicom-encoding` and `dicom-parser`.
 //!
-//! The crate `dicom-object` is not used, because it allocates the lengths that a file claims. It also misreads
-//! sequences of unknown type (`UN` of undefined length), whose items are in the implicit syntax (PS3.5, 6.2.2). Only
-//! the values of attributes that [`is_wanted`] selects are read, up to the length of the longest valid value.
+//! The crate `dicom-object` is not used, because it allocates as much memory as a damaged file claims to need. It
+//! also misreads sequences of unknown type (`UN` of undefined length), whose items are in the implicit syntax
+//! (PS3.5, 6.2.2). Only the values of attributes that [`is_wanted`] selects are read, up to the length of the
+//! longest valid value.
 
 use super::attributes::{Attributes, is_padding};
 use super::dataset::{DataSet, MAX_FRAMES, PixelData, Span, printable};
@@ -26,7 +27,7 @@ const PREAMBLE_BYTES: usize = 128;
 const MAGIC: &[u8] = b"DICM";
 /// Largest length of a DICOM attribute value that is read, in bytes: a lookup table of 65,536 numbers.
 const MAX_VALUE_BYTES: u32 = 1 << 17;
-/// Largest nesting depth of DICOM sequences.
+/// Largest accepted nesting depth of DICOM sequences.
 const MAX_DEPTH: usize = 64;
 /// Limits for inflating a deflated DICOM data set: largest size in bytes, largest ratio to the deflated size, and a
 /// size that is always allowed.
@@ -37,8 +38,8 @@ const SMALL_INFLATED_BYTES: u64 = 16 << 20;
 /// Group numbers of the DICOM attributes that describe images.
 const IMAGE_GROUPS: [u16; 5] = [0x0008, 0x0018, 0x0020, 0x0028, 0x3004];
 
-/// Whether the value of a DICOM attribute is read: numbers, codes, identifiers and two texts in the groups that
-/// describe images. Names of people and dates are never read.
+/// Whether the value of a DICOM attribute is read. Only numbers, codes, identifiers, the series description and the
+/// rescale type are read; names of people and dates are never read.
 fn is_wanted(tag: Tag, vr: VR) -> bool {
     use VR::{CS, DS, FD, FL, IS, OB, OW, SL, SS, UI, UL, UN, US};
     let is_number = matches!(vr, CS | DS | FD | FL | IS | OB | OW | SL | SS | UI | UL | UN | US);
@@ -51,15 +52,15 @@ const ITEM: Tag = Tag(0xfffe, 0xe000);
 const ITEM_END: Tag = Tag(0xfffe, 0xe00d);
 const SEQUENCE_END: Tag = Tag(0xfffe, 0xe0dd);
 
-/// DICOM sequences at the root of a file whose items are read.
+/// DICOM sequences that are read with their items if they stand at the root of a DICOM file.
 const ITEM_SEQUENCES: [Tag; 3] = [
     tags::MODALITY_LUT_SEQUENCE,
     tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE,
     tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE,
 ];
 
-/// DICOM sequences inside a functional group that describe image frames. Their attributes are stored in the
-/// functional group itself.
+/// DICOM sequences inside a functional group that describe an image frame. Their attributes are stored as if they
+/// stood directly in the functional group.
 const FRAME_SEQUENCES: [Tag; 7] = [
     tags::PLANE_POSITION_SEQUENCE,
     tags::PLANE_ORIENTATION_SEQUENCE,
@@ -148,7 +149,8 @@ struct Elements<'a, R> {
     input: &'a mut R,
     at: u64,
     length: u64,
-    /// Whether pixels are signed, by the DICOM attribute PixelRepresentation if it was read already.
+    /// Whether pixels are signed according to the DICOM attribute PixelRepresentation; false until this attribute is
+    /// read.
     is_signed: bool,
     set: &'a mut DataSet,
 }
@@ -192,7 +194,8 @@ impl<R: Read + Seek> Elements<'_, R> {
         }
     }
 
-    /// Reads DICOM elements up to byte `end`, the end of an item of undefined length, or the pixel data.
+    /// Reads DICOM elements until one of three ends: byte `end`, the end of an item of undefined length, or the pixel
+    /// data.
     fn elements(
         &mut self,
         end: u64,
@@ -241,7 +244,7 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(())
     }
 
-    /// Reads the items of a DICOM sequence, or skips the sequence if the volume does not need it.
+    /// Reads the items of a DICOM sequence, or skips the sequence if the volume reader does not need it.
     fn sequence(
         &mut self,
         header: &DataElementHeader,
@@ -316,7 +319,8 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(header)
     }
 
-    /// Returns the value representation (VR) of a DICOM attribute whose sign follows that of the pixels.
+    /// Returns the value representation (VR) of a DICOM attribute. If the attribute is signed exactly when the pixels
+    /// are, unsigned `US` becomes signed `SS` for signed pixels.
     fn signed(&self, tag: Tag, vr: VR) -> VR {
         let follows_pixels =
             StandardDataDictionary.by_tag(tag).is_some_and(|entry| entry.vr() == VirtualVr::Xs);
@@ -338,8 +342,8 @@ impl<R: Read + Seek> Elements<'_, R> {
         Ok(value)
     }
 
-    /// Returns the offset at which a DICOM element with a value of `bytes` bytes ends; an error if it is beyond the
-    /// file.
+    /// Returns the byte offset of the end of a DICOM element whose value has `bytes` bytes; an error if it is beyond
+    /// the file.
     fn check(&self, tag: Tag, bytes: u32) -> Result<u64, String> {
         let end = self.at + u64::from(bytes);
         if end > self.length {

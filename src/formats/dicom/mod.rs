@@ -39,7 +39,8 @@ pub fn is_dicom(head: &Head) -> bool {
     }
 }
 
-/// Lists the files of a DICOM series, sorted by name.
+/// Lists the files of one DICOM series, sorted by name. In a folder with several series, `chosen` (an index from 1)
+/// selects one.
 ///
 /// # Errors
 /// The path holds no DICOM series, or several series and `chosen` selects none.
@@ -50,7 +51,8 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads one frame (from 0) of a DICOM series as a volume. In a folder, `chosen` (from 1) selects the series.
+/// Reads one frame (time point) of a DICOM series as a volume; `frame` is its index from 0. In a folder with several
+/// series, `chosen` (an index from 1) selects one.
 ///
 /// # Errors
 /// The path holds no DICOM series, or several and `chosen` selects none; files cannot be read; the slices do not form
@@ -101,8 +103,8 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
 struct ValueMapping {
     layout: Layout,
     scaling: Scaling,
-    /// Linear mapping (DICOM rescale slope and intercept) of each slice, if the slices differ. Voxels are then stored
-    /// as floats.
+    /// Linear mapping (DICOM rescale slope and intercept) of each slice, if it differs between slices. Voxels are
+    /// then stored as floats.
     each: Option<Vec<Scaling>>,
     /// DICOM modality lookup table of each image file that has one; it is applied before the rescale slope.
     tables: Vec<Option<Table>>,
@@ -168,8 +170,8 @@ impl ValueMapping {
     }
 }
 
-/// Returns a test for padding pixels of a DICOM image (PixelPaddingValue). It compares both the allocated bits and
-/// the stored bits of a pixel.
+/// Returns a function that tells whether a pixel of a DICOM image is padding (PixelPaddingValue). The function
+/// compares both the allocated bits and the stored bits of the pixel.
 fn padding_test(image: &Image) -> impl Fn(u64) -> bool + use<> {
     let layout = image.layout;
     let range = image.set.root.integer(tags::PIXEL_PADDING_VALUE).map(|value| {
@@ -183,7 +185,7 @@ fn padding_test(image: &Image) -> impl Fn(u64) -> bool + use<> {
     }
 }
 
-/// Reads the voxels of a DICOM series, and counts the padding voxels.
+/// Reads the voxels of a DICOM series, and returns them with the number of padding voxels.
 fn voxels(
     series: &Series,
     stack: &Stack,
@@ -211,7 +213,8 @@ fn voxels(
     }
 }
 
-/// Padding pixels of a DICOM slice, as runs of first pixel and length, and the value range of the other pixels.
+/// Padding pixels of one DICOM slice, and the value range of its other pixels. Each run of padding pixels has the
+/// index of its first pixel and a length.
 struct Holes {
     runs: Vec<[u32; 2]>,
     range: [f64; 2],
@@ -231,7 +234,7 @@ struct SliceReader<'a> {
 }
 
 impl SliceReader<'_> {
-    /// Returns the values of one DICOM slice. Padding pixels are NaN and are replaced later.
+    /// Returns the pixel values of one DICOM slice. Padding pixels are NaN; a later step replaces them.
     fn values(&self, at: usize) -> Result<Vec<f64>, String> {
         let slice = &self.stack.slices[at];
         let image = &self.series.images[slice.image];
@@ -260,7 +263,7 @@ impl SliceReader<'_> {
 }
 
 /// Reads all z layers of a DICOM volume, converts each value by `convert`, and counts the padding voxels. Padding
-/// becomes the smallest value of the volume.
+/// voxels get the smallest value of the volume.
 fn gathered<T: Copy + Default + Send + Sync>(
     series: &Series,
     stack: &Stack,

@@ -15,7 +15,8 @@ pub(super) struct Layout {
     pub(super) columns: usize,
     /// Bits allocated for a pixel in a DICOM file (BitsAllocated): 8, 16 or 32; 32 or 64 for floats.
     pub(super) allocated: u32,
-    /// Number of bits that hold an integer pixel value (BitsStored), and the highest of these bits (HighBit).
+    /// Number of bits that hold an integer pixel value of a DICOM file (BitsStored), and the index of the highest of
+    /// these bits (HighBit).
     pub(super) stored: u32,
     pub(super) high: u32,
     pub(super) is_signed: bool,
@@ -39,13 +40,13 @@ impl Layout {
         }
     }
 
-    /// Returns the integer in all allocated bits of a DICOM pixel.
+    /// Returns the integer value of a DICOM pixel from all its allocated bits (BitsAllocated).
     pub(super) fn allocated_value(&self, pixel: u64) -> i64 {
         self.low_bits(pixel, self.allocated)
     }
 
-    /// Returns the integer in the stored bits of a DICOM pixel. Ignores overlay bits, which old files store in the
-    /// unused bits.
+    /// Returns the integer value of a DICOM pixel from its stored bits (BitsStored). Ignores overlay bits, which old
+    /// files store in the unused bits.
     pub(super) fn value(&self, pixel: u64) -> i64 {
         self.low_bits(pixel >> (self.high + 1 - self.stored), self.stored)
     }

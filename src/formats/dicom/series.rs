@@ -31,21 +31,21 @@ pub(super) struct Image {
 #[derive(Debug)]
 pub(super) struct Series {
     pub(super) images: Vec<Image>,
-    /// Number of damaged DICOM files in the folder, and the error text of the first one.
+    /// Number of damaged DICOM files in the folder of the series, and the error text of the first one.
     pub(super) damaged: usize,
     pub(super) first_fault: String,
     key: Key,
 }
 
-/// Identity of a DICOM series. Its order is also the order in which series are listed.
+/// Key that identifies a DICOM series. The order of these keys is the order in which series are listed.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
     number: i64,
     uid: String,
     rows: usize,
     columns: usize,
-    /// Directions of image rows and columns (ImageOrientationPatient), times 100 and rounded. Localisers have other
-    /// directions and thus form their own series.
+    /// Directions of image rows and columns (ImageOrientationPatient), times 100 and rounded. Images with other
+    /// directions, such as localisers, form their own series.
     orientation: Option<[i64; 6]>,
 }
 
@@ -199,7 +199,7 @@ fn grouped(images: Vec<Image>) -> Vec<Series> {
     all
 }
 
-/// Finds the DICOM series that a file belongs to, or series number `chosen` (from 1) of a folder.
+/// Finds the DICOM series that a file belongs to, or the series of a folder that `chosen` (an index from 1) selects.
 ///
 /// # Errors
 /// The path holds no DICOM series, or several series and `chosen` selects none.
@@ -245,7 +245,7 @@ pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Res
     }
 }
 
-/// Stores in a DICOM series the number of damaged files of the folder and the first error text.
+/// Stores the number of damaged DICOM files in the folder, and the error text of the first one, in a DICOM series.
 fn with_faults(series: Series, faults: &[String]) -> Series {
     let first_fault = faults.first().cloned().unwrap_or_default();
     Series { damaged: faults.len(), first_fault, ..series }
@@ -263,7 +263,8 @@ pub(super) fn holds_dicom(folder: &Path) -> bool {
     files_in(folder, MAX_DEPTH).par_iter().any(|file| is_dicom_file(file))
 }
 
-/// Reads all DICOM images among `files`, and returns the error texts of damaged files. Other files are skipped.
+/// Reads all DICOM images among `files`, and returns them with the error texts of damaged files. Files of other
+/// formats are skipped.
 fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
     let pieces = loading.pieces(ReadingStage::Reading, 4 * files.len());
     let read: Vec<Result<Image, String>> = files
@@ -303,12 +304,12 @@ pub(super) struct Slice {
     pub(super) image: usize,
     pub(super) frame: usize,
     pub(super) position: Option<DVec3>,
-    /// Sort key of DICOM slices at equal positions: temporal position, acquisition number, instance number.
+    /// Sort key of DICOM slices at one position: temporal position, acquisition number, instance number.
     pub(super) order: [i64; 3],
 }
 
-/// Returns the offset of a DICOM frame without its own position from the first frame, in LPS mm. It uses the offsets
-/// of the dose grid (GridFrameOffsetVector), or equal spacing.
+/// Returns the offset of a DICOM frame from the first frame of its file, in LPS mm, for a frame without a position.
+/// Uses the offsets of the dose grid (GridFrameOffsetVector), or equal spacing.
 fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
     let numbers = |tag| set.of_frame(frame, tag).and_then(|a| a.numbers(tag));
     let normal = numbers(tags::IMAGE_ORIENTATION_PATIENT)
@@ -321,7 +322,7 @@ fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
 }
 
 impl Series {
-    /// Returns the frames of all files of a DICOM series, ordered by time, acquisition and instance number.
+    /// Returns all slices (image frames) of a DICOM series, ordered by time, acquisition number and instance number.
     pub(super) fn slices(&self) -> Vec<Slice> {
         let mut slices = Vec::new();
         for (at, Image { set, frames, .. }) in self.images.iter().enumerate() {

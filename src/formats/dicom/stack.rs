@@ -1,4 +1,5 @@
-//! Stacks DICOM slices into a volume: slice order, affine, and repeated, missing or unevenly spaced slices.
+//! Stacks DICOM slices into a volume: sorts them, computes the affine, and handles repeated, missing and unevenly
+//! spaced slices.
 
 use super::series::{Series, Slice};
 use crate::formats::common::affine;
@@ -7,24 +8,25 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use glam::{DAffine3, DVec3};
 
-/// Distance below which two DICOM slices count as being at one position: in mm, and relative to the median spacing.
+/// Distance below which two DICOM slices count as being at one position: in mm, and as a fraction of the median slice
+/// spacing.
 const SAME_MM: f64 = 1e-3;
 const SAME: f64 = 0.05;
-/// Largest deviation of DICOM slice positions from an even grid that counts as even, relative to the spacing.
+/// Largest deviation of DICOM slice positions from even spacing that is tolerated, as a fraction of the spacing.
 const EVEN: f64 = 0.02;
-/// Largest deviation from even DICOM slice positions that rounding to 0.1 mm may explain: in mm, and relative to the
-/// spacing.
+/// Largest deviation of DICOM slice positions from even spacing that is attributed to rounding to 0.1 mm: in mm, and
+/// as a fraction of the spacing.
 const ROUNDED_MM: f64 = 0.06;
 const MAX_ROUNDED: f64 = 0.25;
-/// Largest deviation from even DICOM slice positions that rounding to the written decimals may explain, relative to
-/// the spacing.
+/// Largest deviation of DICOM slice positions from even spacing that is attributed to rounding to the written
+/// decimals, as a fraction of the spacing.
 const MAX_WRITTEN: f64 = 0.45;
-/// Distance below which a layer of the resampled volume copies the nearest DICOM slice, relative to the layer
-/// spacing.
+/// Distance from a DICOM slice below which a layer of the resampled volume copies this slice, as a fraction of the
+/// layer spacing.
 const SNAP: f64 = 0.01;
-/// Distance of DICOM slice positions from a straight line above which a warning is given, mm.
+/// Distance of DICOM slice positions from a straight line, in mm, above which the reader warns.
 const ASIDE_MM: f64 = 0.05;
-/// Largest ratio of layers in the resampled volume to DICOM slices.
+/// Largest accepted ratio of the number of layers in a resampled volume to the number of DICOM slices.
 const MAX_GROWTH: usize = 4;
 
 /// Source of one z layer of a volume: a DICOM slice, or two neighbouring slices and the weight of the second.
@@ -34,7 +36,7 @@ pub(super) enum Layer {
     Between(usize, f64),
 }
 
-/// DICOM slices of one frame, ordered along the slice normal, with the affine of the volume.
+/// DICOM slices of one frame (time point), ordered along the slice normal, with the affine of the volume.
 pub(super) struct Stack {
     pub(super) slices: Vec<Slice>,
     pub(super) layers: Vec<Layer>,
@@ -239,17 +241,17 @@ fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
     Ok(())
 }
 
-/// Method to separate DICOM slices at one position into frames.
+/// Method that separates DICOM slices at the same position into frames (time points).
 enum FrameGrouping {
     One,
-    /// Separates frames by the rank of each DICOM slice among the slices at its position. All positions have this
+    /// Assigns DICOM slices at the same position to frames (time points) by their rank; every position has this
     /// number of slices.
     ByRank(usize),
-    /// Separates frames by the temporal position and acquisition number of the DICOM slices.
+    /// Assigns DICOM slices at the same position to frames (time points) by temporal position and acquisition number.
     ByTime(Vec<[i64; 2]>),
 }
 
-/// Decides how DICOM slices at one position are separated into frames.
+/// Selects the method that separates DICOM slices at the same position into frames (time points).
 fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> FrameGrouping {
     let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 1), |(a, b), n| (a.min(n), b.max(n)));
     if most == 1 {
@@ -275,8 +277,8 @@ fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> FrameGrouping
     FrameGrouping::One
 }
 
-/// Returns the uncertainty of DICOM slice positions along the normal, in mm, due to the number of written decimals; 0
-/// if unknown.
+/// Returns the uncertainty of DICOM slice positions along the slice normal, in mm, due to the number of written
+/// decimals; 0 if unknown.
 fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
     let decimals = |slice: &Slice| {
         let of = series.images[slice.image].set.of_frame(slice.frame, tags::IMAGE_POSITION_PATIENT);
@@ -289,8 +291,8 @@ fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
     unit_mm * normal.abs().element_sum()
 }
 
-/// Computes the z layers of the volume from DICOM slices at ascending depths, and the number of layers. `written_mm`
-/// is the uncertainty of the depths.
+/// Computes the z layers of the volume from the ascending positions of DICOM slices along their normal, and returns
+/// the number of layers too. `written_mm` is the rounding error of the positions.
 fn layers(
     depths: &[f64],
     written_mm: f64,

@@ -10,7 +10,7 @@ use dicom_dictionary_std::tags;
 pub(super) struct Table {
     first: i64,
     values: Vec<u16>,
-    /// Bits of each value in the DICOM lookup table.
+    /// Number of bits of each value in the DICOM modality lookup table.
     pub(super) bits: u32,
 }
 

@@ -1,7 +1,8 @@
 //! Reads NIfTI-1, NIfTI-2 and Analyze 7.5 volumes: `.nii`, or `.hdr` with `.img`, each plain or gzipped.
 //!
-//! The `nifti` crate parses the headers of NIfTI-1. It cannot read the voxels: version 0.18 ignores `vox_offset`,
-//! allocates the sizes that a header claims, and reads only the first member of a gzip file.
+//! The `nifti` crate parses the headers of NIfTI-1. Its version 0.18 cannot read the voxels: it ignores
+//! `vox_offset`, allocates as much memory as a damaged header claims, and reads only the first member of a gzip
+//! file.
 
 mod header;
 mod write;
@@ -17,7 +18,8 @@ use crate::volume::read::read_full;
 use crate::volume::{Element, Provenance, Scaling, Volume};
 use std::path::{Path, PathBuf};
 
-/// Reads one frame (from 0) of a NIfTI file, or of a `.hdr`/`.img` pair by the name of either file.
+/// Reads one frame of a NIfTI volume, selected by its index from 0. The path names a single file, or either file of a
+/// `.hdr`/`.img` pair.
 ///
 /// # Errors
 /// The file cannot be read, is not NIfTI, holds no scalars, or has less data than its header claims; or reading was
@@ -116,7 +118,7 @@ fn header_warnings(header: &Header, element: Element) -> Vec<String> {
     warnings
 }
 
-/// Lists the files of a NIfTI volume: both files of a `.hdr`/`.img` pair, otherwise one.
+/// Lists the files of a NIfTI volume: both files of a `.hdr`/`.img` pair, or the single file.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     match Pair::new(path) {
         Some(Pair { header, voxels }) if header.exists() && voxels.exists() => vec![header, voxels],
@@ -124,7 +126,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Paths of a NIfTI `.hdr`/`.img` pair, from the name of either file.
+/// Paths of the header file and the voxel file of a NIfTI `.hdr`/`.img` pair, from the name of either file.
 struct Pair {
     header: PathBuf,
     voxels: PathBuf,

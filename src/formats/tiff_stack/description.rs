@@ -12,7 +12,7 @@ use tiff::tags::Tag;
 #[derive(Debug, Default)]
 pub(super) struct Description {
     pub(super) text: String,
-    /// Pixels per length unit along x and y in a TIFF file (XResolution and YResolution).
+    /// Resolution of a TIFF file along x and y, in pixels per length unit (XResolution and YResolution).
     pub(super) resolution: [Option<f64>; 2],
 }
 
@@ -76,7 +76,7 @@ fn positive(spacing: [f64; 3]) -> Option<[f64; 3]> {
     spacing.iter().all(|s| s.is_finite() && *s > 0.0).then_some(spacing)
 }
 
-/// Order of the pages of a TIFF stack by channel, slice and time. In ImageJ files channels run fastest, then slices,
+/// Order of the pages of a TIFF stack by channel, slice and time. In ImageJ files channels vary fastest, then slices,
 /// then times; OME files declare the order.
 #[derive(Debug, PartialEq)]
 pub(super) struct Order {

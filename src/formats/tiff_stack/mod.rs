@@ -34,7 +34,8 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { files_in(path) } else { vec![path.into()] }
 }
 
-/// Reads one frame (from 0) of a TIFF stack as a volume; `spacing_mm` overrides the voxel sizes of the file.
+/// Reads one frame of a TIFF stack as a volume, selected by its index from 0; `spacing_mm` overrides the voxel sizes
+/// of the file.
 ///
 /// # Errors
 /// A TIFF file cannot be read, holds colours, or has pages of several sizes.

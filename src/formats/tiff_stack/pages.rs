@@ -1,4 +1,4 @@
-//! Pages of TIFF files: first counts all pages, then decodes those of one frame.
+//! Reads the pages of TIFF files: first counts all pages, then decodes the pages of one frame of the volume.
 
 use super::description::{Description, Order};
 use crate::files::loading::Pieces;
@@ -46,7 +46,7 @@ fn open(path: &Path) -> Result<(Decoder<BufReader<File>>, u64), String> {
 }
 
 impl Pages {
-    /// Counts the pages of a TIFF file and adds it to the stack.
+    /// Counts the pages of a TIFF file and adds the file to the TIFF stack.
     ///
     /// # Errors
     /// The TIFF file cannot be read, holds colours, or has a page whose size differs from the first page.

@@ -28,9 +28,10 @@ use std::path::Path;
 /// File extensions of the VTK XML image format.
 pub const EXTENSIONS: &[&str] = &["vti"];
 
-/// Largest number of tests for whether the pieces of a VTK image cover it.
+/// Largest accepted number of point-in-box tests that find out whether the `Piece` elements of a VTK image cover its
+/// grid.
 const MAX_COVER_TESTS: usize = 20_000_000;
-/// Largest number of XML nodes of a VTK image file.
+/// Largest accepted number of XML nodes of a VTK image file.
 const MAX_NODES: u32 = 200_000;
 
 /// Whether a file is a VTK XML image.
@@ -166,7 +167,7 @@ impl<'a, 'input> Image<'a, 'input> {
         Ok((pieces, element.ok_or("it has no pieces")?))
     }
 
-    /// Parses the numbers of an XML attribute of the VTK image; `usual` is the default text.
+    /// Parses the numbers of an XML attribute of the VTK image; the text `usual` is used if the attribute is missing.
     fn attribute<const N: usize>(&self, name: &str, usual: &str) -> Result<[f64; N], String> {
         let text = self.node.attribute(name).unwrap_or(usual);
         let found = numbers(text).and_then(|all| all.try_into().ok());

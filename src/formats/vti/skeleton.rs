@@ -9,11 +9,12 @@ const MAX_BYTES: u64 = 8 << 20;
 
 /// Tags of a VTK XML file and the byte positions of its data arrays.
 pub(super) struct Skeleton {
-    /// XML text of a VTK file without appended data. Each data array holds its number instead of its contents.
+    /// XML text of a VTK file without appended data. Each `DataArray` element holds its index instead of its
+    /// contents.
     pub(super) text: String,
-    /// Byte offset and length of the contents of each `DataArray` of a VTK file, by number.
+    /// Byte offset and length of the contents of each `DataArray` element of a VTK file, by the index of the element.
     pub(super) arrays: Vec<[u64; 2]>,
-    /// Byte offset of the appended data of a VTK file, and whether they are raw bytes.
+    /// Byte offset of the appended data of a VTK file, and whether the data are raw bytes.
     pub(super) appended: Option<(u64, bool)>,
 }
 
@@ -99,8 +100,8 @@ impl Tags {
         })
     }
 
-    /// Skips bytes of the VTK file up to the next `byte`, and returns the offset after it; `None` at the end of the
-    /// file.
+    /// Skips bytes of the VTK file up to the next occurrence of `byte`, and returns the offset after it; `None` at
+    /// the end of the file.
     fn skip_to(&mut self, byte: u8) -> io::Result<Option<u64>> {
         loop {
             let buffer = self.input.fill_buf()?;

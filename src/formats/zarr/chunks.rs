@@ -1,4 +1,4 @@
-//! Reads the chunks of a Zarr array that a volume needs.
+//! Reads the voxels of a volume from the chunks of a Zarr array.
 
 use super::compression::{CHECKSUM_BYTES, bad, verified};
 use super::metadata::{Array, Layout, Shards};
@@ -14,18 +14,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;
 
-/// Largest folder depth and largest number of files that are counted in a Zarr store.
+/// Limits of the search for files in a Zarr store: largest folder depth and largest number of counted files.
 const MAX_DEPTH: usize = 32;
 const MAX_FILES: usize = 8_000_000;
 
-/// Largest ratio of the volume size to the size of the Zarr files, and a volume size that is always accepted. Missing
-/// chunks have the fill value.
+/// Largest accepted ratio of the volume size to the size of the Zarr files, and a volume size that is always
+/// accepted. Missing chunks have the fill value.
 const MAX_RATIO: u64 = 1 << 14;
 const SMALL_BYTES: u64 = 64 << 20;
-/// Largest ratio of the number of Zarr chunk files that a volume claims to the files that exist.
+/// Largest accepted ratio of the number of chunk files that a Zarr volume claims to the number of files that exist.
 const MAX_ABSENT: u64 = 1 << 12;
-/// Largest ratio of a Zarr chunk to the volume, and a chunk size that is always accepted. A chunk may hold other
-/// frames too.
+/// Largest accepted ratio of the size of a Zarr chunk to the size of the volume, and a chunk size that is always
+/// accepted. A chunk may hold other frames too.
 const MAX_CHUNK_RATIO: u64 = 64;
 const SMALL_CHUNK_BYTES: u64 = 16 << 20;
 /// Number of array elements that are decoded at a time from a Zarr chunk.
@@ -44,17 +44,17 @@ pub(super) struct SubVolume<'a> {
 }
 
 impl SubVolume<'_> {
-    /// Returns the number of voxels of the volume along x, y and z.
+    /// Returns the number of voxels of the 3-D volume within a Zarr array, along x, y and z.
     pub(super) fn dims(&self) -> [usize; 3] {
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis]))
     }
 
-    /// Returns the size of the voxels of the volume in memory, bytes; `None` on overflow.
+    /// Returns the size in host memory of the voxels of a volume within a Zarr array, bytes; `None` on overflow.
     pub(super) fn memory_bytes(&self) -> Option<u64> {
         grid_bytes(self.dims(), self.array.element.memory_bytes())
     }
 
-    /// Returns the number of Zarr chunk files of the volume along x, y and z.
+    /// Returns the number of Zarr chunk files that the volume spans along x, y and z.
     fn files(&self) -> [usize; 3] {
         let sizes = self.array.file_shape();
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis].div_ceil(sizes[axis])))
@@ -72,7 +72,7 @@ impl SubVolume<'_> {
         place
     }
 
-    /// Lists the existing chunk files of the volume in a Zarr store, x fastest.
+    /// Lists the chunk files that exist in a Zarr store for one volume, x fastest.
     ///
     /// # Errors
     /// The Zarr array claims far more data than its files can hold.
@@ -84,7 +84,8 @@ impl SubVolume<'_> {
         Ok(files.filter(|file| file.is_file()).collect())
     }
 
-    /// Returns an error if a Zarr array claims more data than its files can hold. Runs before memory is allocated.
+    /// Returns an error if a Zarr array claims more data than its files can hold. The check comes before any memory
+    /// is allocated.
     fn check_claims(&self) -> Result<(), String> {
         let Array { element, layout, .. } = self.array;
         let product = |sizes: &[usize]| {
@@ -154,7 +155,8 @@ impl SubVolume<'_> {
         Array3::from_shape_vec((nz, ny, nx), all).map_err(|e| e.to_string())
     }
 
-    /// Creates a view of consecutive z slices of the volume, from slice `first` on, with the axes of the Zarr array.
+    /// Creates a slab of consecutive z slices of the volume, from slice `first` on, as a view with the axes of the
+    /// Zarr array.
     fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Result<Slab<'o, T>, String> {
         let [nx, ny, _] = self.dims();
         let (sizes, strides) = ([nx, ny, out.len() / (nx * ny)], [1, nx, nx * ny]);
@@ -170,7 +172,7 @@ impl SubVolume<'_> {
         Ok(Slab { voxels: voxels.map_err(|e| e.to_string())?, from })
     }
 
-    /// Reads one Zarr chunk or shard file into the slab of slices, if the file exists.
+    /// Reads one Zarr chunk or shard file into a slab of consecutive z slices of the volume, if the file exists.
     fn read_file<T: Copy, const N: usize>(
         &self,
         path: &Path,
@@ -208,8 +210,8 @@ impl SubVolume<'_> {
         Ok(())
     }
 
-    /// Reads a Zarr chunk from a byte range of a file into the slab of slices. Skips a chunk without voxels of the
-    /// slab.
+    /// Reads a Zarr chunk from a byte range of a file into a slab of consecutive z slices. Skips a chunk that has no
+    /// voxels in the slab.
     fn read_chunk<T: Copy, const N: usize>(
         &self,
         path: &Path,

@@ -1,4 +1,4 @@
-//! Decompresses Zarr chunks. All codecs except Blosc are streams, which limits memory to the window of the
+//! Decompresses Zarr chunks. All codecs except Blosc decompress a stream, which limits memory to the window of the
 //! compressor.
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};

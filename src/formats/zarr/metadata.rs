@@ -1,17 +1,17 @@
 //! Parses the metadata of a Zarr array, versions 2 and 3: its shape and the layout of its chunks.
 //!
-//! The crate `zarrs` is not used: it decompresses to any claimed length, allocates chunks before they are read, and
-//! needs seventy crates and libraries in C and C++ for Blosc and zstd. Source: "Zarr core specification" 2 and 3.1,
-//! and the specifications of its codecs.
+//! The crate `zarrs` is not used: it decompresses to any size that a file claims, allocates chunks before it reads
+//! them, and needs seventy crates and libraries in C and C++ for Blosc and zstd. Source: "Zarr core specification" 2
+//! and 3.1, and the specifications of its codecs.
 
 use super::compression::Compression;
 use crate::volume::{ByteOrder, Element};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Largest number of axes of a Zarr array.
+/// Largest accepted number of axes of a Zarr array.
 const MAX_AXES: usize = 16;
-/// Largest number of chunks in a Zarr shard.
+/// Largest accepted number of chunks in a Zarr shard.
 const MAX_SHARD_CHUNKS: usize = 1 << 20;
 
 /// Reads a JSON metadata file of a Zarr array or group; `None` if it does not exist.
@@ -27,7 +27,7 @@ pub(super) fn json(path: &Path) -> Result<Option<Value>, String> {
     serde_json::from_slice(&bytes).map(Some).map_err(|e| named(e.to_string()))
 }
 
-/// Parses a JSON list of array sizes.
+/// Parses a JSON list of sizes, such as the shape of a Zarr array.
 fn sizes(value: Option<&Value>) -> Option<Vec<usize>> {
     let numbers = value?.as_array()?.iter().map(|n| usize::try_from(n.as_u64()?).ok());
     numbers.collect()
@@ -38,7 +38,7 @@ fn sizes(value: Option<&Value>) -> Option<Vec<usize>> {
 pub(super) struct Layout {
     /// Size of a Zarr chunk along each axis of the array.
     pub(super) shape: Vec<usize>,
-    /// Array axis of each stored axis of a Zarr chunk; the last stored axis runs fastest.
+    /// Index of the array axis for each stored axis of a Zarr chunk; the last stored axis varies fastest.
     pub(super) axes: Vec<usize>,
     pub(super) byte_order: ByteOrder,
     pub(super) compression: Compression,
@@ -64,7 +64,7 @@ pub(super) struct Array {
     /// Layout of the Zarr chunks, which may be grouped in shards.
     pub(super) layout: Layout,
     pub(super) shards: Option<Shards>,
-    /// Separator between the numbers in the file name of a Zarr chunk, and the prefix before them.
+    /// Separator between the chunk indices in the file name of a Zarr chunk, and the prefix before them.
     separator: char,
     prefix: Option<&'static str>,
 }
@@ -166,7 +166,7 @@ impl Array {
         Ok(self)
     }
 
-    /// Returns the size of one chunk or shard file along each axis of the Zarr array.
+    /// Returns the number of elements of one chunk or shard file along each axis of the Zarr array.
     pub(super) fn file_shape(&self) -> &[usize] {
         self.shards.as_ref().map_or(&self.layout.shape, |shards| &shards.shape)
     }

@@ -26,10 +26,10 @@ pub const EXTENSIONS: &[&str] = &["zarr"];
 
 /// Names of the metadata files of a Zarr folder.
 const METADATA_FILES: [&str; 4] = ["zarr.json", ".zattrs", ".zgroup", ".zarray"];
-/// Largest side of a 3-D texture that every GPU supports, in voxels.
+/// Largest side of a 3-D texture that every supported GPU offers, in voxels.
 const MAX_SIDE: usize = 2048;
-/// Inverse of the fraction of host memory that the default Zarr level may fill. It refers to total memory, not free
-/// memory, so that the choice is reproducible.
+/// Inverse of the fraction of host memory that an automatically selected resolution level of a Zarr image may fill.
+/// The fraction refers to total memory, not free memory, so that the choice is reproducible.
 const HOST_SHARE: u64 = 4;
 
 /// Whether a folder is a Zarr store, or a file is the metadata file of one.
@@ -44,18 +44,19 @@ fn is_metadata(path: &Path) -> bool {
     path.file_name().is_some_and(|name| METADATA_FILES.iter().any(|known| name == *known))
 }
 
-/// Level and frame to read from an OME-Zarr store.
+/// Selection of the resolution level and frame to read from an OME-Zarr store.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Choice {
-    /// Resolution level of the OME-Zarr store, 0 being the finest; `None` selects the finest that fits in memory.
+    /// Index of the resolution level of the OME-Zarr store, 0 being the finest; `None` selects the finest that fits
+    /// in host memory and a GPU texture.
     pub level: Option<usize>,
-    /// Index of the frame, counted over all non-spatial axes of the Zarr array.
+    /// Index of the frame to read, counted over all non-spatial axes of the Zarr array.
     pub frame: usize,
     /// Voxel size in mm that overrides the scale of the OME-Zarr metadata.
     pub spacing_mm: Option<[f64; 3]>,
 }
 
-/// Reads one frame of one resolution level of an OME-Zarr store as a volume.
+/// Reads one frame of an OME-Zarr store as a volume, at one resolution level.
 ///
 /// # Errors
 /// The Zarr store cannot be read, is no image, or claims more than its files or the host can hold.
@@ -86,7 +87,7 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// Lists the files of one frame of one resolution level of an OME-Zarr store: metadata and chunks.
+/// Lists the files that hold one frame of an OME-Zarr store at one resolution level: metadata and chunks.
 ///
 /// # Errors
 /// See [`read_with`].
@@ -106,7 +107,7 @@ pub fn files_of(path: &Path, choice: Choice) -> Result<Vec<PathBuf>> {
 struct Store {
     /// Path of the Zarr store as the user gave it.
     source: PathBuf,
-    /// Folder of the image in the Zarr store.
+    /// Folder of the OME-Zarr image in the Zarr store.
     folder: PathBuf,
     axes: Vec<Axis>,
     levels: Vec<(Level, Array)>,
@@ -167,7 +168,8 @@ impl Store {
         Ok(Self { source: path.into(), folder, axes, levels, notes })
     }
 
-    /// Selects the requested resolution level of the OME-Zarr image, or the finest level that fits in memory.
+    /// Selects the requested resolution level of the OME-Zarr image, or the finest level that fits in host memory and
+    /// a GPU texture.
     fn choose(&self, choice: Choice, notes: &mut Vec<String>) -> Result<ChosenLevel<'_>> {
         let refuse = refusal(&self.source);
         let count = self.levels.len();
@@ -211,7 +213,7 @@ impl Store {
     }
 }
 
-/// Returns default names for the axes of a Zarr array: t, c, z, y, x, from the last axis backwards.
+/// Returns default names for the axes of a Zarr array: the last axis is x, and the axes before it are y, z, c and t.
 fn default_axes(count: usize) -> Vec<Axis> {
     const USUAL: [&str; 5] = ["t", "c", "z", "y", "x"];
     let unnamed = (USUAL.len()..count).map(|at| format!("axis {at}"));
@@ -224,7 +226,7 @@ struct ChosenLevel<'a> {
     axes: &'a [Axis],
     level: &'a Level,
     array: &'a Array,
-    /// Index of the axes x, y and z in the shape of the Zarr array.
+    /// Indices of the axes x, y and z in the shape of the Zarr array.
     space: [Option<usize>; 3],
 }
 
@@ -244,8 +246,8 @@ impl<'a> ChosenLevel<'a> {
         count.ok_or_else(|| "its number of frames cannot be counted".into())
     }
 
-    /// Returns the 3-D volume of one frame of the Zarr array. Frames count over the non-spatial axes, the last one
-    /// fastest.
+    /// Returns the 3-D volume of one frame of the Zarr array. The frame index counts over the non-spatial axes, the
+    /// last one fastest.
     fn sub_volume(&self, frame: usize) -> SubVolume<'a> {
         let mut fixed = vec![0; self.array.shape.len()];
         let mut rest = frame;

@@ -31,7 +31,8 @@ enum Transformation {
 pub(super) struct Level {
     /// Path of the Zarr array of the level, relative to the folder of the image.
     pub(super) path: String,
-    /// Scale and translation from an array index to a length in the unit of the axis, for each axis.
+    /// Scale and translation that map an array index to a length along each axis of an OME-Zarr image, in the unit of
+    /// the axis.
     pub(super) scale: Vec<f64>,
     pub(super) translation: Vec<f64>,
     /// Whether the OME-NGFF metadata give a scale, and thus a voxel size.
@@ -46,7 +47,7 @@ pub(super) struct Image {
     pub(super) levels: Vec<Level>,
 }
 
-/// Kind of a Zarr folder according to its OME-NGFF metadata.
+/// Type of a Zarr folder according to its OME-NGFF metadata: image, series of images, microscope plate, or other.
 pub(super) enum Group {
     Image(Image),
     /// Zarr folder with images in numbered subfolders, as `bioformats2raw` writes it.
@@ -109,7 +110,7 @@ impl Axis {
         Some(Self { name: name?.to_lowercase(), unit: text("unit") })
     }
 
-    /// Returns the length unit of the image axis in mm; `None` if it is unknown.
+    /// Returns the length unit of the OME-Zarr image axis in mm; `None` if it is unknown.
     pub(super) fn mm(&self) -> Option<f64> {
         mm_of(self.unit.as_deref()?)
     }

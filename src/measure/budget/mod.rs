@@ -21,13 +21,13 @@ const WHAT: &str = "bad budget";
 /// Upper limit on the memory or the time of a shadow method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
-    /// Limit on the memory of the shadow map, bytes.
+    /// Upper limit on the memory of the shadow map, bytes.
     Bytes(u64),
-    /// Limit on `build_ms + frame_ms`, the time of one picture after the light has moved, ms.
+    /// Upper limit on `build_ms + frame_ms`, the time of one picture after the light has moved, ms.
     Ms(f64),
 }
 
-/// Formats a budget in the syntax of `--budget`.
+/// Formats a memory or time budget in the syntax of the option `--budget`.
 impl fmt::Display for Budget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -55,7 +55,8 @@ impl FromStr for Budget {
 }
 
 impl Budget {
-    /// Parses budgets such as `bytes=2MiB,8MiB` and `ms=50`. A value without a key belongs to the key before it.
+    /// Parses memory and time budgets such as `bytes=2MiB,8MiB` and `ms=50`. A value without a key belongs to the key
+    /// before it.
     ///
     /// # Errors
     /// A part of the text is not a valid budget; the error names that part.
@@ -97,7 +98,7 @@ impl Budget {
         }
     }
 
-    /// Limit that the budget sets, in bytes or milliseconds.
+    /// Largest memory in bytes, or time in milliseconds, that the budget allows.
     pub fn amount(&self) -> f64 {
         match *self {
             Self::Bytes(n) => n as f64,
@@ -105,7 +106,7 @@ impl Budget {
         }
     }
 
-    /// Whether the measured memory or time of a table row is known to lie within the budget.
+    /// Whether the measured memory or time in a comparison table row is known to lie within the budget.
     pub fn holds(&self, row: &Row) -> bool {
         self.need(row).is_some_and(|need| need <= self.amount())
     }
@@ -115,7 +116,7 @@ fn positive(text: &str) -> Option<f64> {
     text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0)
 }
 
-/// Error measure that a search of method settings minimizes.
+/// Error measure (of shadows or of pictures) that a search for a method's settings minimizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum By {
     /// Minimizes the column `point_err_rms`, the rms transmittance error at visible points.
@@ -125,10 +126,11 @@ pub enum By {
 }
 
 impl By {
-    /// Both error measures that a search of method settings can minimize.
+    /// Both error measures that a search for method settings can minimize: error at visible points and error of the
+    /// picture.
     pub const ALL: [Self; 2] = [Self::Points, Self::Picture];
 
-    /// Name of the comparison table column that holds this error measure.
+    /// Name of the comparison table column that holds this error measure of the shadow method.
     pub fn column(self) -> &'static str {
         match self {
             Self::Points => "point_err_rms",
@@ -136,7 +138,8 @@ impl By {
         }
     }
 
-    /// Returns the value of this error measure in a comparison table row; `None` where it is empty or NaN.
+    /// Returns the error of a comparison table row in this error measure; `None` where the table cell is empty or
+    /// NaN.
     pub fn error(self, row: &Row) -> Option<f64> {
         let error = match self {
             Self::Points => row.point_err_rms,
@@ -146,24 +149,25 @@ impl By {
     }
 }
 
-/// Budgets, each with the error measure to minimize, for which a search chose the same method settings.
+/// Memory or time budgets for which a search chose the same method settings, each with the minimized error measure.
 pub type Uses = Vec<(Budget, By)>;
 
-/// Text for the table column `tuned_for`: the budgets and error measures for which a search chose a row's method
-/// settings.
+/// Text for the comparison table column `tuned_for`: the budgets and error measures for which a search chose a row's
+/// method settings.
 pub fn tuned_for(uses: &[(Budget, By)]) -> String {
     uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
 }
 
-/// Returns the distinct budgets for which the settings of table rows were tuned, in order of appearance.
+/// Returns the distinct memory and time budgets for which a search chose the method settings of comparison table
+/// rows, in order of appearance.
 pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
     let texts = rows.iter().flat_map(|row| row.tuned_for.split("; "));
     let budgets = texts.filter_map(|text| text.split(' ').next()?.parse().ok());
     budgets.unique_by(Budget::to_string).collect()
 }
 
-/// Whether a stored trial is sufficient for a search within these budgets: memory and time are known, and an error
-/// too unless it exceeds all budgets.
+/// Whether a recorded trial of method settings can be reused for a search within these budgets. It must have failed,
+/// or have known memory and time, and a known error if any budget holds.
 pub(super) fn answers(trial: &Row, budgets: &[Budget]) -> bool {
     let known = budgets.iter().all(|b| b.need(trial).is_some());
     let allowed = budgets.iter().any(|b| b.holds(trial));

@@ -16,18 +16,19 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use std::collections::HashMap;
 
-/// Largest number of new trials of one method's settings for one budget and one error measure.
+/// Maximum number of new trials in a search for one method's settings, for one budget and one error measure.
 pub const MOST_TRIALS: usize = 120;
 
-/// Point on the grid of method settings: an index along each axis.
+/// Point on the grid of settings that a search explores: one index per setting of the shadow method.
 pub type Place = Vec<usize>;
 
-/// Axis of the grid of method settings.
+/// Axis of the grid of settings that a search explores: one setting of the shadow method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Side {
-    /// Number of setting values along this axis of the search grid.
+    /// Number of values that the search may choose for one setting of the shadow method.
     pub len: usize,
-    /// Whether the method's memory never decreases along this axis of settings. Otherwise the values have no order.
+    /// Whether memory never decreases with the index of this setting's value. Otherwise the setting's values have no
+    /// order.
     pub ordered: bool,
 }
 
@@ -37,21 +38,21 @@ type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Row> + 'a>;
 /// Search over the settings of one shadow method, with all its trials.
 pub struct Search<'a> {
     sides: Vec<Side>,
-    /// Maps grid points with equal effective settings to the same grid point.
+    /// Function that returns the same point of the settings grid for all points whose settings have the same effect.
     canonical: Canonical<'a>,
-    /// Measures the method with the settings of a grid point.
+    /// Function that measures the shadow method with the settings at a point of the settings grid.
     attempt: Attempt<'a>,
-    /// Grid points of settings tried so far with their measured rows, in order of trial.
+    /// Grid points of method settings tried so far, each with its measured table row, in order of trial.
     pub tried: Vec<(Place, Row)>,
-    /// Index of each tried grid point in `tried`.
+    /// Index in the list of trials (`tried`) for each grid point of method settings tried so far.
     known: HashMap<Place, usize>,
-    /// Number of new trials left for the current budget and error measure.
+    /// Number of new trials of method settings still allowed for the current budget and error measure.
     left: usize,
 }
 
 impl<'a> Search<'a> {
-    /// Creates a search over a grid of method settings, with no trials yet. `canonical` unifies grid points with
-    /// equal settings; `attempt` measures a grid point.
+    /// Creates a search over a grid of method settings, with no trials yet. `canonical` maps grid points with
+    /// equivalent settings to the same point; `attempt` measures the method with the settings of a grid point.
     pub fn new(
         sides: Vec<Side>,
         canonical: impl Fn(&[usize]) -> Place + 'a,
@@ -61,9 +62,9 @@ impl<'a> Search<'a> {
         Self { sides, canonical, attempt, tried: Vec::new(), known: HashMap::new(), left: 0 }
     }
 
-    /// Searches for the settings with the smallest error within a budget, from `default` and the best settings known.
-    /// Returns whether it ended because no step improved, not because trials ran out. [`Self::best_known`] returns
-    /// the result.
+    /// Searches for the method settings with the smallest error within a budget, from `default` and the best settings
+    /// known. Returns `true` if it ended because no step reduced the error, `false` if it used up its trials.
+    /// [`Self::best_known`] returns the settings found.
     ///
     /// # Errors
     /// Any error that `attempt` returns.
@@ -86,8 +87,8 @@ impl<'a> Search<'a> {
         Ok(idle >= moves.len())
     }
 
-    /// Tries the default settings. Where they exceed the budget, it lowers all ordered axes together, then each
-    /// alone, to the last grid point within the budget.
+    /// Tries the method's default settings. Where they exceed the budget, it lowers all ordered settings together,
+    /// then each alone, until the budget is satisfied.
     fn starts(&mut self, budget: Budget, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
         if self.is_held(budget, &default)? {
@@ -98,7 +99,7 @@ impl<'a> Search<'a> {
         ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))
     }
 
-    /// Lowers some axes of the settings grid in proportion until the budget is satisfied, by bisection.
+    /// Lowers several settings of a method in proportion until the memory or time budget is satisfied, by bisection.
     fn lower(&mut self, budget: Budget, default: &[usize], axes: &[usize]) -> Result<()> {
         let steps = axes.iter().map(|a| default[*a]).max().unwrap_or(0);
         let at = |search: &Self, step: usize| {
@@ -120,7 +121,8 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Returns the search steps, as changes of grid indices. An unordered axis jumps to each of its values.
+    /// Returns the steps that the search tries from a point of the settings grid. An unordered setting jumps to each
+    /// of its values.
     fn moves(&self) -> Vec<Vec<(usize, Step)>> {
         let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
         let mut moves = Vec::new();
@@ -140,7 +142,8 @@ impl<'a> Search<'a> {
         moves
     }
 
-    /// Returns the grid point that a search step leads to; `None` off the grid or where the settings stay equal.
+    /// Returns the point of the settings grid after a search step; `None` if the step leaves the grid or changes
+    /// nothing.
     fn stepped(&self, place: &[usize], step: &[(usize, Step)]) -> Option<Place> {
         let mut next = place.to_vec();
         for (axis, step) in step {
@@ -167,14 +170,14 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Returns the error of tried settings, followed by their memory or time to break ties.
+    /// Returns the error of a method with settings already tried, followed by its memory or time to break ties.
     fn score(&self, budget: Budget, by: By, place: &Place) -> Option<(f64, f64)> {
         let trial = &self.tried[*self.known.get(place)?].1;
         Some((by.error(trial)?, budget.need(trial)?))
     }
 
-    /// Returns the tried settings with the smallest error within a budget; `None` where no trial satisfies the
-    /// budget.
+    /// Returns the grid point of the tried method settings with the smallest error within a budget; `None` where no
+    /// trial satisfies the budget.
     pub fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
         let allowed = self.tried.iter().filter(|(_, t)| budget.holds(t));
         let scored = allowed.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
@@ -183,7 +186,8 @@ impl<'a> Search<'a> {
             .map(|(_, place)| place.clone())
     }
 
-    /// Whether the settings of a grid point satisfy a budget. Tries them where they were not tried yet.
+    /// Whether a method satisfies a budget with the settings at a point of the settings grid. Measures the method if
+    /// these settings were not tried yet.
     fn is_held(&mut self, budget: Budget, place: &Place) -> Result<bool> {
         if let Some(found) = self.known.get(place) {
             return Ok(budget.holds(&self.tried[*found].1));
@@ -198,8 +202,8 @@ impl<'a> Search<'a> {
         self.is_held(budget, place)
     }
 
-    /// Whether smaller settings have already exceeded a memory budget: no larger along any ordered axis and equal
-    /// along the others.
+    /// Whether a tried grid point with smaller or equal settings has already exceeded the memory budget, so that this
+    /// grid point must exceed it too.
     fn is_surely_over(&self, budget: Budget, place: &Place) -> bool {
         let no_larger = |other: &Place| {
             let each = self.sides.iter().zip(other).zip(place);
@@ -210,7 +214,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Search step along one axis of the settings grid: a relative or an absolute index.
+/// Search step for one setting of a method: a change of the value's index, or a new index.
 #[derive(Debug, Clone, Copy)]
 enum Step {
     By(isize),

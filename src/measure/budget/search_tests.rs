@@ -1,18 +1,20 @@
-//! Tests of the settings search with synthetic costs and errors, compared with an exhaustive search of the grid.
+//! Tests of the search for method settings, on synthetic memory, times and errors, against an exhaustive search of
+//! the grid of settings.
 
 use super::*;
 use std::cell::Cell;
 
-/// Synthetic costs and errors of a method with four settings: map size, layers, a named choice, and a number without
-/// effect under the second choice.
+/// Synthetic memory, times and errors of a shadow method with four settings: map size, layers, a named choice, and a
+/// number that has no effect under the second choice.
 #[derive(Clone, Copy)]
 struct Planted {
-    /// Error coefficient of the reciprocal map size; `layer` is the one of the reciprocal number of layers.
+    /// Coefficients of the synthetic error: `texel` for the reciprocal map size, `layer` for the reciprocal number of
+    /// layers.
     texel: f64,
     layer: f64,
-    /// Error added by each value of the named choice.
+    /// Synthetic error that each value of the named setting adds.
     words: [f64; 3],
-    /// Error added at the second and third number of layers, so that the error is not monotone.
+    /// Synthetic error added at the second and third number of layers; it makes the error not monotone.
     bump: f64,
 }
 
@@ -58,7 +60,7 @@ fn every_place() -> Vec<Place> {
     places
 }
 
-/// Returns the smallest error of all settings within a budget, by exhaustive search.
+/// Returns the smallest synthetic error of all settings of the method within a budget, by exhaustive search.
 fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
     let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());

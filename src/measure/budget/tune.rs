@@ -12,28 +12,29 @@ use crate::measure::reference::Shared;
 use crate::measure::table::Row;
 use crate::shadow::{Entry, Method, SearchSpace};
 
-/// Expected number of trials of one method's settings for one budget, for the progress estimate.
+/// Expected number of trials in a search for one method's settings within one budget, for the estimate of remaining
+/// time.
 const USUAL_TRIALS: usize = 30;
 
-/// Method with the settings that a search chose, and the budgets and error measures for which it chose them.
+/// Shadow method with the settings that a search chose, and the budgets and error measures for which it chose them.
 pub struct Chosen {
     pub method: Box<dyn Method>,
     pub uses: Uses,
 }
 
-/// Result of the searches for method settings within budgets: chosen settings, trials and notes.
+/// Result of the searches for method settings within memory and time budgets: chosen settings, trials and notes.
 #[derive(Default)]
 pub struct Tuned {
-    /// Distinct settings that the searches chose, each with its budgets and error measures.
+    /// Distinct method settings that the searches chose, each with its budgets and error measures.
     pub chosen: Vec<Chosen>,
-    /// Measured trials of the settings searches, method by method, in order.
+    /// Measured trials of the searches for method settings, method by method, in the order in which they were made.
     pub trials: Vec<Row>,
-    /// Notes on the settings searches for the reader of the comparison table.
+    /// Notes on the searches for method settings, for the reader of the comparison table.
     pub notes: Vec<String>,
 }
 
-/// Searches the settings of every tunable shadow method among `methods` within each budget. A method listed several
-/// times is searched once.
+/// Searches the settings of every tunable shadow method among `methods` for the smallest error within each memory or
+/// time budget. A method listed several times is searched once.
 ///
 /// # Errors
 /// The reference data cannot be computed, the journal cannot be written, or the user cancelled the measurement.
@@ -84,8 +85,8 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// Measures one trial of method settings on the device. Settings that fail, for example for lack of memory, give a
-/// row with the error in its note.
+/// Measures a shadow method with one choice of settings on the graphics device. If the measurement fails, for example
+/// for lack of memory, the returned row has the error in its note.
 fn attempt(
     method: &dyn Method,
     budgets: &[Budget],
@@ -105,8 +106,8 @@ fn attempt(
     Ok(trial)
 }
 
-/// Searches one method's settings within every budget. Smaller budgets come first, so that each search starts from
-/// the trials before it.
+/// Searches one shadow method's settings within every memory or time budget. Smaller budgets come first; each search
+/// starts from the trials of the earlier ones.
 fn one_method(
     entry: &Entry,
     space: &SearchSpace,

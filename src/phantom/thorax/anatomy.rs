@@ -83,7 +83,8 @@ fn great_vessels(painter: &mut Painter) {
     painter.curve(35.0, [7.0, 7.0], &oesophagus);
 }
 
-/// Position of the hilum, where vessels and airways enter a lung, mm; `side` is 1 on the right (+x), -1 on the left.
+/// Position of a hilum in the chest phantom, mm: the point where vessels and airways enter a lung. `side` is 1 on the
+/// right (+x), -1 on the left.
 fn hilum(side: f32) -> Vec3 {
     vec3(side * 40.0, -8.0, 22.0)
 }
@@ -115,7 +116,8 @@ fn airways(painter: &mut Painter) {
     painter.solid(-985.0, wider(0.0));
 }
 
-/// Adds the arteries and veins of both lungs. Each branch forks in two thinner ones by Murray's law (2^(-1/3)).
+/// Adds the arteries and veins of both lungs to the chest phantom. Each vessel forks into two thinner ones by
+/// Murray's law (2^(-1/3)).
 fn lung_vessels(painter: &mut Painter) {
     struct Branch {
         from: Vec3,
@@ -165,7 +167,8 @@ fn lung_vessels(painter: &mut Painter) {
     }
 }
 
-/// Returns the end point of a vessel branch, shortened to lie in the lung; `None` if too little remains.
+/// Returns the end point of a vessel branch in the chest phantom, shortened to lie in the lung; `None` if too little
+/// remains.
 fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
     [1.0, 0.7, 0.45]
         .into_iter()
@@ -173,7 +176,7 @@ fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
         .find(|&end| lungs(end) < -3.0)
 }
 
-/// Returns the y coordinate of the spine at height `z`, mm, which follows the thoracic kyphosis.
+/// Returns the y coordinate of the spine of the chest phantom at height `z`, mm. It follows the thoracic kyphosis.
 fn spine_y(z: f32) -> f32 {
     -46.0 - 6.0 * (1.0 - (z / 128.0).powi(2))
 }
@@ -239,7 +242,8 @@ fn ribs(painter: &mut Painter) {
     }
 }
 
-/// Returns the y coordinate of the front of the rib cage at height `z`, mm, where the sternum lies.
+/// Returns the y coordinate of the front of the rib cage of the chest phantom at height `z`, mm, where the sternum
+/// lies.
 fn sternum_y(z: f32) -> f32 {
     CAVITY_Y + (CAVITY_HALF.y + 5.0) * cavity_scale(z)
 }

@@ -3,8 +3,9 @@
 //!
 //! Large regions are implicit functions of position. Bones and vessels are tubes, plates and ellipsoids painted over
 //! them in order. Detector and reconstruction of a scanner each average over about one voxel. Every edge is therefore
-//! a plane filtered by a tent two voxels wide, as a function of the distance along the normal. On curved surfaces the
-//! error is a few hundredths (see the test); supersampling would be more exact at a hundred times the cost.
+//! a step filtered by a tent two voxels wide, as a function of the distance along the surface normal. On curved
+//! surfaces the error is a few hundredths of the step (see the test); supersampling would be more exact at a hundred
+//! times the cost.
 
 mod anatomy;
 mod noise;
@@ -76,7 +77,8 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
 /// Slice of the chest phantom into which solids are painted.
 struct Slice {
     hu: Vec<f32>,
-    /// Signed distance of each pixel to the nearest primitive of the solid that is being painted, in voxels.
+    /// Signed distance of each pixel of the phantom slice to the nearest primitive of the solid that is being
+    /// painted, in voxels.
     nearest: Vec<f32>,
     sides: [usize; 2],
     /// Position of the first voxel of the chest phantom, mm.
@@ -85,11 +87,11 @@ struct Slice {
     z: f32,
 }
 
-/// Ranges of columns and rows of a phantom slice.
+/// Ranges of pixel columns and rows in a slice of the chest phantom.
 type Rectangle = [Range<usize>; 2];
 
 impl Slice {
-    /// Returns the pixels of the slice that a geometric primitive or its blurred edge may cover.
+    /// Returns the pixels of the phantom slice that a geometric primitive with its blurred edge may cover.
     fn covered_by(&self, part: &Part) -> Option<Rectangle> {
         let (low, high) = (part.low - self.spacing, part.high + self.spacing);
         if self.z < low.z || self.z > high.z {

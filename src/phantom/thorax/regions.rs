@@ -5,8 +5,8 @@ use glam::{Vec2, Vec3, vec2, vec3};
 /// CT number of air, HU.
 pub const AIR: f32 = -1000.0;
 
-/// Blends two CT numbers across an edge, at a signed distance from it (below 0 inside), as a scanner does. Detector
-/// and reconstruction each average over about one voxel, which together is a tent filter two voxels wide.
+/// Blends two CT numbers across an edge like a CT scanner, from the signed distance to the edge (below 0 inside).
+/// Detector and reconstruction each average over about one voxel, which together is a tent filter two voxels wide.
 pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
     let t = (distance / cell).clamp(-1.0, 1.0);
     // Integral of the tent up to the edge.
@@ -17,15 +17,15 @@ pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
 /// Signed distance to a surface of the chest phantom, and the width of its blurred edge.
 #[derive(Clone, Copy)]
 struct Surface {
-    /// Signed distance to the surface, mm, below 0 inside.
+    /// Signed distance to the surface of the region in the chest phantom, mm, below 0 inside.
     mm: f32,
-    /// Width of the blurred edge of the surface, mm: the extent of a voxel along the normal.
+    /// Width of the blurred edge of the surface, mm: the extent of a voxel along the surface normal.
     edge_mm: f32,
 }
 
 impl Surface {
-    /// Computes distance and edge width from value and gradient of an implicit function, for voxels of size `cell` in
-    /// mm.
+    /// Computes the signed distance and edge width of a surface from value and gradient of its implicit function, for
+    /// voxels of size `cell` in mm.
     fn new(value: f32, gradient: Vec3, cell: Vec3) -> Self {
         let slope = gradient.length().max(1e-6);
         Self { mm: value / slope, edge_mm: (gradient * cell).length() / slope }
@@ -59,8 +59,8 @@ impl Surface {
     }
 }
 
-/// Returns the CT number (HU) of the chest phantom at a point without the painted solids. `cell` is the voxel size in
-/// mm.
+/// Returns the CT number (HU) of the chest phantom at a point, without bones, vessels and other solids that are
+/// painted later. `cell` is the voxel size in mm.
 pub fn tissue(p: Vec3, cell: Vec3) -> f32 {
     let body = body(p, cell);
     let outside = table(p, cell);
@@ -104,21 +104,22 @@ fn body(p: Vec3, cell: Vec3) -> Surface {
     Surface::new(slope.dot(q) - 1.0, (2.5 * slope / half).extend(0.0), cell)
 }
 
-/// Rib cage of the chest phantom, mm: y coordinate of its centre, and half axes along x and y.
+/// Rib cage of the chest phantom, mm: y coordinate of its axis, and half axes of its elliptic cross-section along x
+/// and y.
 pub const CAVITY_Y: f32 = 12.0;
 pub const CAVITY_HALF: Vec2 = vec2(128.0, 80.0);
 
-/// Returns the relative height in the apex of the rib cage: 0 in the cylindrical part, 1 at the tip.
+/// Returns the relative height of a point within the tapered top of the rib cage: 0 at its lower end, 1 at the tip.
 fn apex(z: f32) -> f32 {
     ((z + 20.0) / 142.0).max(0.0)
 }
 
-/// Returns the relative width of the rib cage at height `z` in mm, between 0 and 1.
+/// Returns the width of the rib cage of the chest phantom at height `z` in mm, relative to its largest width.
 pub fn cavity_scale(z: f32) -> f32 {
     (1.0 - apex(z).min(1.0).powf(2.5)).powf(0.4)
 }
 
-/// Returns the signed distance to the inner wall of the rib cage, to first order.
+/// Returns the signed distance to the inner wall of the rib cage of the chest phantom, to first order.
 fn cavity(p: Vec3, cell: Vec3) -> Surface {
     let u = p.x.abs() / CAVITY_HALF.x;
     let v = (p.y - CAVITY_Y).abs() / CAVITY_HALF.y;
@@ -129,8 +130,8 @@ fn cavity(p: Vec3, cell: Vec3) -> Surface {
     Surface::new(value, 2.5 * gradient, cell)
 }
 
-/// Returns the signed distance to the diaphragm, positive underneath. The diaphragm has two domes, the right one (+x)
-/// higher.
+/// Returns the signed distance to the diaphragm of the chest phantom, positive below it. The diaphragm has two domes,
+/// the right one (+x) higher.
 fn diaphragm(p: Vec3, cell: Vec3) -> Surface {
     let dome = |x: f32, top: f32| {
         let off = vec2(p.x - x, p.y - 8.0);
@@ -144,8 +145,8 @@ fn diaphragm(p: Vec3, cell: Vec3) -> Surface {
     Surface { mm: 0.8 * (height - p.z), ..surface }
 }
 
-/// Returns the signed distance to the lungs, mm. They lie in the rib cage, above the diaphragm, beside the
-/// mediastinum.
+/// Returns the signed distance to the lungs of the chest phantom, mm. The lungs lie in the rib cage, above the
+/// diaphragm, beside the mediastinum.
 pub fn lungs(p: Vec3) -> f32 {
     lung_from(p, cavity(p, Vec3::ONE), diaphragm(p, Vec3::ONE)).mm
 }
@@ -172,14 +173,15 @@ fn mediastinum_hu(p: Vec3) -> f32 {
     -80.0 + 25.0 * ((0.11 * p.x + 0.07 * p.z).sin() * (0.13 * p.y - 0.05 * p.z).sin())
 }
 
-/// Returns the CT number (HU) of the abdomen: liver on the right, fat on the left. Stomach and spleen are painted
-/// later.
+/// Returns the CT number (HU) in the abdomen of the chest phantom: liver on the right, fat on the left. Stomach and
+/// spleen are painted later.
 fn abdomen_hu(p: Vec3, cell: Vec3) -> f32 {
     let plane = -(p.x + 30.0 + 0.35 * (p.z + 70.0));
     Surface::new(plane, vec3(-1.0, 0.0, -0.35), cell).over(-95.0, 112.0)
 }
 
-/// Returns the CT number (HU) outside of the body: air, and the scanner table, a thin shell filled with foam.
+/// Returns the CT number (HU) outside of the chest phantom's body: air, or the scanner table, which is a thin shell
+/// filled with foam.
 fn table(p: Vec3, cell: Vec3) -> f32 {
     let top = -107.0 + p.x * p.x / 840.0;
     let depth = top - p.y;

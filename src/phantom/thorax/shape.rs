@@ -10,7 +10,7 @@ pub struct Solid {
 
 /// Geometric primitive of a solid: tube, ellipsoid, plate or drum.
 pub struct Part {
-    /// Corners of the bounding box of the primitive, mm.
+    /// Corners of the bounding box of the geometric primitive, mm.
     pub low: Vec3,
     pub high: Vec3,
     kind: Kind,
@@ -31,15 +31,15 @@ enum Kind {
 /// Radius of the rounded rims of a drum primitive, mm.
 const RIM_MM: f32 = 2.0;
 
-/// Returns the signed distance from an implicit surface, in voxels of size `cell`, to first order. Arguments are
+/// Returns the signed distance to an implicit surface, in voxels of size `cell`, to first order. The arguments are
 /// value and gradient of the implicit function.
 fn in_cells(value: f32, gradient: Vec3, cell: Vec3) -> f32 {
     value / (gradient * cell).length().max(1e-6)
 }
 
 impl Part {
-    /// Returns the signed distance of `p` from the primitive, in voxels of size `cell` (mm), to first order. It is
-    /// below 0 inside.
+    /// Returns the signed distance of point `p` from the geometric primitive, in voxels of size `cell` (mm), to first
+    /// order. It is below 0 inside.
     pub fn distance(&self, p: Vec3, cell: Vec3) -> f32 {
         match &self.kind {
             Kind::Tube { a, along, radii, flatten } => {
@@ -121,7 +121,8 @@ pub fn tube(a: Vec3, b: Vec3, radii: [f32; 2], flatten: f32) -> Part {
     Part { low: a.min(b) - reach, high: a.max(b) + reach, kind: Kind::Tube { a, along, radii, flatten } }
 }
 
-/// Creates tubes along a polyline. Their radius changes linearly from the first to the second of `radii`.
+/// Creates tube primitives along a polyline in the chest phantom. Their radius changes linearly from the first to the
+/// second of `radii`.
 pub fn path(points: &[Vec3], radii: [f32; 2], flatten: f32) -> Vec<Part> {
     let last = (points.len() - 1).max(1) as f32;
     let radius = |i: usize| radii[0] + (radii[1] - radii[0]) * i as f32 / last;
@@ -176,18 +177,18 @@ impl Painter {
         self.solids.push(Solid { hu, parts });
     }
 
-    /// Adds tubes along a polyline as one solid. Their radius changes linearly from the first to the second of
-    /// `radii`.
+    /// Adds tubes along a polyline to the solids of the chest phantom, as one solid. Their radius changes linearly
+    /// from the first to the second of `radii`.
     pub fn path(&mut self, hu: f32, points: &[Vec3], radii: [f32; 2]) {
         self.solid(hu, path(points, radii, 1.0));
     }
 
-    /// Adds tubes along a smooth curve through `points` as one solid.
+    /// Adds tubes along a smooth curve through `points` to the solids of the chest phantom, as one solid.
     pub fn curve(&mut self, hu: f32, radii: [f32; 2], points: &[Vec3]) {
         self.path(hu, &smooth(points), radii);
     }
 
-    /// Adds an ellipsoid to the solids. Its first half axis points along `axis`.
+    /// Adds an ellipsoid to the solids of the chest phantom. Its first half axis points along `axis`.
     pub fn ellipsoid(&mut self, hu: f32, center: Vec3, axis: Vec3, half: Vec3) {
         let x = axis.normalize();
         let y = x.any_orthonormal_vector();
@@ -199,7 +200,8 @@ impl Painter {
         self.solid(hu, vec![part]);
     }
 
-    /// Adds a bone along a polyline to the solids: a cortex of thickness `cortex_mm`, with marrow inside.
+    /// Adds a bone along a polyline to the solids of the chest phantom: a cortex of thickness `cortex_mm`, with
+    /// marrow inside.
     pub fn bone(&mut self, points: &[Vec3], radius: f32, cortex_mm: f32, flatten: f32) {
         self.solid(680.0, path(points, [radius; 2], flatten));
         self.solid(260.0, path(points, [radius - cortex_mm; 2], flatten));
@@ -211,7 +213,7 @@ mod tests {
     use super::*;
     use crate::phantom::thorax::regions::over;
 
-    /// Returns the exact value of a voxel at the edge of a primitive of value 1 in surroundings of 0: the
+    /// Returns the exact value of a voxel at the edge of a geometric primitive of value 1 in surroundings of 0: the
     /// tent-weighted mean, by supersampling.
     fn scanned(part: &Part, at: Vec3, cell: Vec3) -> f32 {
         const SIDE: i32 = 14;

@@ -1,4 +1,5 @@
-//! Claims of papers, read from TOML files: one file per paper, with a formula for each claim's verdict.
+//! Claims of papers, which this program tests anew; they are read from one TOML file per paper, with a formula for
+//! each claim's verdict.
 //!
 //! A formula refers to columns of `compare.csv` (one value per method that the claim needs) and to the quantities of
 //! [`Figures::number`]. A text that starts with `$` is replaced by an entry of the file's `texts`.
@@ -13,7 +14,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 
-/// Built-in TOML files of claims, one per paper. Each contains the citation of its paper.
+/// Built-in TOML files with claims of papers to be tested, one file per paper.
 const FILES: [&str; 8] = [
     include_str!("kim_neumann.toml"),
     include_str!("hadwiger.toml"),
@@ -34,35 +35,36 @@ struct PaperFile {
     claim: Value,
 }
 
-/// Measured number behind a claim's verdict: its name and its value.
+/// Measured number on which the verdict on a paper's claim rests: its name and its value.
 pub type Figure = (String, f64);
 
-/// Result of testing a paper's claim on a scene.
+/// Result of testing a paper's claim on a scene: verdict, measured numbers and remarks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// Verdict on the claim: whether it holds.
+    /// Verdict on the claim of the paper: whether it holds.
     pub holds: Holds,
-    /// Measured numbers that determine the claim's verdict, the decisive one first.
+    /// Measured numbers that determine the verdict on the paper's claim, the decisive one first.
     pub figures: Vec<Figure>,
-    /// Further remarks on the claim's verdict, for the reader. May be empty.
+    /// Further remarks on the verdict on the paper's claim, for the reader. May be empty.
     pub note: String,
 }
 
-/// Measurements that a claim needs: for each [`Need`], one entry per method, in the order of its method list.
+/// Measurements for testing a paper's claim: for each [`Need`] of the claim, one entry per shadow method, in the
+/// order of its method list.
 pub type Measured<'a> = [Vec<&'a Figures>];
 
-/// Methods that a claim needs measured on a variant of its scene.
+/// Shadow methods that must be measured, on a variant of the scene, to test a paper's claim.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Need {
     /// List of shadow methods with settings, in the syntax of `--methods`.
     pub methods: String,
-    /// Variant of the claim's scene on which the methods are measured.
+    /// Variant of the scene on which the methods are measured to test the paper's claim.
     #[serde(default)]
     pub variant: Variant,
 }
 
-/// Remark on a claim's verdict, given always or under a condition.
+/// Remark on the verdict on a paper's claim, given always or under a condition.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Note {
@@ -70,7 +72,7 @@ enum Note {
     When { when: Formula, text: String },
 }
 
-/// Quantitative claim of a paper, with the measurements and the formula that test it.
+/// Quantitative claim of a paper, with the required measurements and the formula of the verdict.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
@@ -80,23 +82,23 @@ pub struct Claim {
     /// Section, table or figure of the paper in which the claim is made.
     #[serde(rename = "where")]
     pub place: String,
-    /// Statement of the paper (the claim), in words.
+    /// Claim of the paper that is tested, in words.
     pub claim: String,
-    /// Number or comparison that the paper states for the claim.
+    /// Number or comparison that the paper gives in its claim.
     pub claimed: String,
-    /// Names of the built-in scenes on which the claim is tested if the user gives no scene.
+    /// Names of the built-in scenes on which the paper's claim is tested if the user gives no scene.
     #[serde(default)]
     pub scenes: Vec<String>,
-    /// Methods to measure for the claim, on variants of the scene.
+    /// Shadow methods to measure for testing the paper's claim, on variants of the scene.
     #[serde(default)]
     pub needs: Vec<Need>,
-    /// Extent of the measurement of each method that the claim needs.
+    /// Extent of the measurements for testing the paper's claim: times only, shadow maps only, or everything.
     #[serde(default)]
     pub depth: Depth,
-    /// Rule for the claim's verdict, in words.
+    /// Rule, in words, that decides from the measured numbers whether the paper's claim holds.
     #[serde(default)]
     pub rule: String,
-    /// Reason why the claim cannot be tested, if it cannot.
+    /// Reason why the paper's claim cannot be tested; `None` if it can.
     pub untried: Option<String>,
     #[serde(default, rename = "let")]
     variables: Vec<(String, Formula)>,
@@ -108,7 +110,7 @@ pub struct Claim {
     notes: Vec<Note>,
 }
 
-/// Reads the claims of all papers from the built-in files.
+/// Reads the claims of all papers from the built-in TOML files.
 ///
 /// # Errors
 /// A built-in claim file is malformed; a test reads them all.
@@ -124,7 +126,8 @@ pub fn all() -> Result<Vec<Claim>> {
     Ok(claims)
 }
 
-/// Replaces every text of a claim file that starts with `$` by the entry of that name in `texts`.
+/// Replaces every text of a paper's claim file that starts with `$` by the entry of that name in the table `texts` of
+/// the same file.
 fn fill(value: &mut Value, texts: &Table) -> Result<(), String> {
     match value {
         Value::String(text) => {
@@ -140,7 +143,8 @@ fn fill(value: &mut Value, texts: &Table) -> Result<(), String> {
 }
 
 impl Claim {
-    /// Evaluates the claim's formulas on the measurements and returns the verdict with the numbers behind it.
+    /// Evaluates the formulas of a paper's claim on the measurements. Returns the verdict with the measured numbers
+    /// behind it.
     ///
     /// # Errors
     /// A value that a formula needs was not measured.
@@ -218,7 +222,7 @@ pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
     }
 }
 
-/// Row of `claims.csv`: a paper's claim with the result of its test on one scene. The fields are the columns.
+/// Row of `claims.csv`: a claim of a paper with the result of its test on one scene. The fields are the columns.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
     /// Citation of the paper that makes the claim.
@@ -226,22 +230,22 @@ pub struct Row {
     /// Section, table or figure of the paper in which the claim is made.
     #[serde(rename = "where")]
     pub place: String,
-    /// Statement of the paper (the claim), in words.
+    /// Claim of the paper that was tested, in words.
     pub claim: String,
-    /// Number or comparison that the paper states for the claim.
+    /// Number or comparison that the paper gives in its claim.
     pub claimed: String,
-    /// Measured numbers that determine the claim's verdict, the decisive one first.
+    /// Measured numbers that determine the verdict on the paper's claim, the decisive one first.
     #[serde(serialize_with = "serialize_figures")]
     pub measured: Vec<Figure>,
-    /// Verdict on the claim: whether it holds.
+    /// Verdict on the claim of the paper: whether it holds.
     pub holds: Holds,
-    /// Scene and its variants on which the claim was tested. Empty for a claim that was not tested.
+    /// Scene, with its variants, on which the paper's claim was tested. Empty for a claim that was not tested.
     pub scene: String,
-    /// Rule for the claim's verdict with remarks, or the reason why the claim was not tested.
+    /// Rule for the verdict on the paper's claim, with remarks, or the reason why the claim was not tested.
     pub note: String,
 }
 
-/// Formats the measured numbers behind a claim's verdict in one line, with three significant digits.
+/// Formats the measured numbers behind the verdict on a paper's claim in one line, with three significant digits.
 pub(super) fn figures_text(figures: &[Figure]) -> String {
     let text = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
     figures.iter().map(text).collect::<Vec<_>>().join("; ")
@@ -275,7 +279,7 @@ mod tests {
         }
     }
 
-    /// Every name in a claim's formula is a variable or a quantity measured for one of the claim's needs.
+    /// Tests that every name in the formula of a paper's claim is a variable or a measured quantity.
     #[test]
     fn formulas_speak_of_what_there_is() {
         for claim in all().unwrap() {

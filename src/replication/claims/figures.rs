@@ -1,4 +1,4 @@
-//! Measurements of shadow methods on a scene, made once for all claims of papers that need them.
+//! Measurements of shadow methods on a scene, made once for all claims of papers that are tested there.
 
 use super::scenes::{Subject, Variant};
 use crate::error::Result;
@@ -19,48 +19,49 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Exact and approximate transmittance from the light at a visible point.
+/// Exact transmittance and a shadow method's transmittance from the light to one visible point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AtPoint {
-    /// Exact transmittance from the light to the point.
+    /// Exact transmittance from the light to the visible point.
     pub exact: f64,
-    /// Transmittance from the light to the point, by the shadow method.
+    /// Transmittance from the light to the visible point, by the shadow method.
     pub method: f64,
-    /// Weight of the visible point in error statistics: the opacity of its pixel.
+    /// Weight of the visible point in error statistics: the opacity of the pixel in which it is visible.
     pub weight: f64,
 }
 
-/// Measurements of one shadow method on one scene, for the formulas of claims.
+/// Measurements of one shadow method on one scene, from which claims of papers are tested.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
     /// Name of the shadow method with its settings.
     pub name: String,
-    /// Comparison table row with the method's errors, times and memory. Mostly empty if only the shadow map was
-    /// built.
+    /// Comparison table row with the method's errors, times and memory. Mostly empty, apart from memory and node
+    /// count, if only the shadow map was built.
     pub row: Row,
     /// Picture rendered with the shadow method, if any: `height x width x 4`, linear RGBA.
     pub picture: Option<Array3<f32>>,
-    /// Exact transmittance and the method's transmittance at the visible points.
+    /// Exact transmittance and the shadow method's transmittance at each point visible to the camera.
     pub points: Vec<AtPoint>,
-    /// Split of layers that the method chose; `None` for a method that chooses none.
+    /// Spacing of layers that the shadow method chose automatically for its map; `None` for a method that chooses
+    /// none.
     pub split: Option<SplitChoice>,
-    /// Number of transmittance curve nodes in each shadow map texel; `None` for a method without nodes.
+    /// Number of transmittance curve nodes in each shadow map texel; `None` for a shadow method without nodes.
     pub nodes: Option<NodeMap>,
 }
 
-/// Exact transmittance above which a point counts as lit almost without attenuation.
+/// Smallest exact transmittance at which a visible point counts as lit almost without attenuation.
 const LIT: f64 = 0.95;
 
 impl Figures {
-    /// Whether the formulas of claims may use a name: a column of `compare.csv` or a quantity of the claims.
+    /// Whether the formulas of papers' claims may use a name: a column of `compare.csv` or another measured quantity.
     #[cfg(test)]
     pub fn has(name: &str) -> bool {
         Self::default().quantity(name, None).is_some()
             || crate::measure::table::COLUMNS.iter().any(|c| c.name == name)
     }
 
-    /// Returns a measurement of the method by name, for the formulas of claims. The name is a column of `compare.csv`
-    /// (flags are 0 or 1) or a quantity of this table:
+    /// Returns a measurement of the shadow method by name, for the formulas of papers' claims. The name is a column
+    /// of `compare.csv` (Booleans are 0 or 1) or a quantity of this table:
     ///
     /// | name | value |
     /// |---|---|
@@ -84,8 +85,8 @@ impl Figures {
         value.filter(|v| !v.is_nan()).ok_or_else(|| format!("no {name} ({}): {}", self.name, why()))
     }
 
-    /// Returns a quantity that the formulas of claims define beside the columns. The inner value is `None` if it was
-    /// not measured, the outer one for an unknown name.
+    /// Returns a measured quantity that only formulas of papers' claims use, beside the columns of `compare.csv`. The
+    /// inner value is `None` if it was not measured, the outer one for an unknown name.
     fn quantity(&self, name: &str, next: Option<&Self>) -> Option<Option<f64>> {
         Some(match name {
             "moving_ms" => self.row.moving_ms(),
@@ -104,7 +105,8 @@ impl Figures {
         })
     }
 
-    /// Weighted rms transmittance error at the visible points whose exact transmittance satisfies `keep`.
+    /// Weighted rms error of the shadow method's transmittance at those visible points whose exact transmittance
+    /// satisfies `keep`.
     fn rms_where(&self, keep: impl Fn(f64) -> bool) -> Option<f64> {
         let points = self.points.iter().filter(|p| keep(p.exact));
         ErrorStats::of(points.map(|p| (p.method - p.exact, p.weight))).ok()?.map(|stats| stats.rms)
@@ -117,42 +119,44 @@ fn share_of_small_tiles(most_by_tile: impl IntoIterator<Item = u32>) -> f64 {
     most.iter().filter(|n| 4 * **n <= fullest).count() as f64 / most.len().max(1) as f64
 }
 
-/// Extent of the measurement of a method for a claim.
+/// Extent of the measurement of shadow methods for testing a paper's claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Depth {
-    /// Measures only times, interleaved with those of the claim's other methods.
+    /// Only the times of the shadow methods are measured, in interleaved rounds.
     Times,
-    /// Builds only the shadow map, for its memory, curve nodes and split of layers.
+    /// Only the shadow map is built, for its memory, curve nodes and spacing of layers.
     Structure,
-    /// Measures errors, times, memory and pictures.
+    /// Errors, times, memory and pictures of the shadow methods are measured.
     #[default]
     Whole,
 }
 
-/// Measurements of methods that claims request on one variant of a scene.
+/// Shadow methods to be measured on one variant of a scene, for all claims of papers that need it.
 pub struct Wanted {
-    /// Variant of the scene on which the methods are measured.
+    /// Variant of the scene on which the shadow methods are measured.
     pub variant: Variant,
-    /// Methods whose errors, times, memory and pictures are measured.
+    /// Shadow methods whose errors, times, memory and pictures are measured.
     pub whole: Vec<Box<dyn Method>>,
-    /// Methods whose shadow map is only built, not measured further.
+    /// Shadow methods whose shadow map is only built, without measuring errors and times.
     pub structure: Vec<Box<dyn Method>>,
 }
 
 impl Wanted {
-    /// Creates a measurement request without methods for a variant of a scene.
+    /// Creates an empty list of shadow methods to be measured on a variant of a scene.
     pub fn nothing(variant: Variant) -> Self {
         Self { variant, whole: Vec::new(), structure: Vec::new() }
     }
 }
 
-/// Returns the name of a method with all its settings. Methods with equal settings have equal keys.
+/// Returns the text that identifies a shadow method with all its settings. Methods with equal settings have equal
+/// texts.
 pub fn key(method: &dyn Method) -> String {
     method.spec().to_string()
 }
 
-/// Measures shadow methods on a variant of a scene. A method that fails gets a row with its error message.
+/// Measures shadow methods on a variant of a scene, for testing claims of papers. A method that fails gets a row with
+/// its error message.
 ///
 /// # Errors
 /// The device cannot store the volume, or the user cancelled the measurement.
@@ -194,7 +198,7 @@ pub fn measure(
 }
 
 impl Figures {
-    /// Builds a method's shadow map and stores its memory, node count and split of layers.
+    /// Builds a method's shadow map and stores its memory, number of curve nodes and spacing of layers.
     fn build(&mut self, session: &Session, method: &dyn Method, light: Light) -> Result<ShadowMap> {
         let shadow = session.shadow(method, light)?;
         self.split = shadow.report.split_choice;

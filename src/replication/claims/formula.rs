@@ -1,4 +1,4 @@
-//! Formulas for the verdicts of claims: arithmetic on lists of measured numbers.
+//! Formulas that give the verdicts on claims of papers: arithmetic on lists of measured numbers.
 //!
 //! Every value is a list. A list of one number combines with a list of any length; comparisons give 1 or 0.
 //! `name[i]` and `name[i:j]` pick entries of a column, `name@1` is the column of a claim's second need.
@@ -6,24 +6,27 @@
 use super::rules::{self, Holds};
 use serde::Deserialize;
 
-/// Formula of a claim file, parsed into an expression tree.
+/// Formula in a file of a paper's claims, parsed into an expression tree.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum Formula {
-    /// Numeric constant in a formula.
+    /// Numeric constant in the formula of a paper's claim.
     Number(f64),
-    /// Reference to a list of measured values by name: all of its entries, one, or a range.
+    /// Reference to a list of measured values by name, in the formula of a paper's claim: all of its entries, one, or
+    /// a range.
     Name {
-        /// Name of the list of measured values: a table column, a quantity or a variable of the claim.
+        /// Name of the list of measured values: a comparison table column, another quantity, or a variable of the
+        /// formula.
         name: String,
-        /// Index of the claim's need (a set of methods on a scene variant) whose measured values are meant.
+        /// Index, from 0, of the method list of the paper's claim whose measured values are meant.
         need: usize,
-        /// Index of the first entry of the list, and the end of the range if there is one.
+        /// Index of the first entry to pick from the list of measured values, and the end of the range if there is
+        /// one.
         entries: Option<(Box<Formula>, Option<Box<Formula>>)>,
     },
-    /// Concatenation of several lists in a formula.
+    /// Concatenation of several lists of numbers in the formula of a paper's claim.
     List(Vec<Formula>),
-    /// Function or operator of a formula, with its arguments.
+    /// Function or operator in the formula of a paper's claim, with its arguments.
     Call(String, Vec<Formula>),
 }
 
@@ -41,15 +44,15 @@ impl TryFrom<String> for Formula {
     }
 }
 
-/// Function that returns measured values by name, index of the claim's need, and range of entries. Without a range it
-/// returns all entries.
+/// Function that supplies measured values to a formula, by name, index of the claim's method list, and range of
+/// entries. Without a range it returns all entries.
 pub type Lookup<'a> = dyn Fn(&str, usize, Option<(usize, usize)>) -> Result<Vec<f64>, String> + 'a;
 
-/// Operators of formulas, from lowest to highest precedence. All are left-associative.
+/// Operators in the formulas of papers' claims, from lowest to highest precedence. All are left-associative.
 const LEVELS: [&[&str]; 5] = [&["||"], &["&&"], &["<=", ">=", "==", "<", ">"], &["+", "-"], &["*", "/"]];
 
 impl Formula {
-    /// Parses a formula of a claim file.
+    /// Parses a formula in a file of a paper's claims.
     ///
     /// # Errors
     /// The text is not a valid formula; the error states where parsing stopped.
@@ -122,7 +125,7 @@ impl Formula {
         Ok(list)
     }
 
-    /// Evaluates the formula to a list of numbers.
+    /// Evaluates the formula of a paper's claim to a list of numbers. `lookup` supplies the measured values.
     ///
     /// # Errors
     /// `lookup` does not know a name, a function is unknown, or lists differ in length.
@@ -153,7 +156,7 @@ impl Formula {
         }
     }
 
-    /// Evaluates the formula to a single number.
+    /// Evaluates the formula of a paper's claim to a single number.
     ///
     /// # Errors
     /// The errors of [`Self::list`], or the list does not have exactly one entry.
@@ -164,7 +167,8 @@ impl Formula {
         }
     }
 
-    /// Calls `visit` for every name in the formula, with the index of the need that it refers to.
+    /// Calls `visit` for every name of measured values in the formula, with the index of the method list that it
+    /// refers to.
     pub fn names(&self, visit: &mut dyn FnMut(&str, usize)) {
         match self {
             Self::Number(_) => {}
@@ -180,7 +184,7 @@ impl Formula {
     }
 }
 
-/// Removes a symbol from the start of the formula text. Returns whether it was there.
+/// Removes a symbol from the start of the formula text. Returns whether the symbol was there.
 fn take(rest: &mut &str, symbol: &str) -> bool {
     let trimmed = rest.trim_start();
     let after = trimmed.strip_prefix(symbol);
@@ -192,7 +196,7 @@ fn holds(verdict: Holds) -> Vec<f64> {
     vec![f64::from(verdict as u8)]
 }
 
-/// Converts a formula's result to a verdict on the claim: 0 is no, 1 is partly, 2 is yes.
+/// Converts the result of a formula to a verdict on the paper's claim: 0 is no, 1 is partly, 2 is yes.
 pub fn verdict(number: f64) -> Result<Holds, String> {
     [Holds::No, Holds::Partly, Holds::Yes]
         .into_iter()

@@ -1,31 +1,32 @@
-//! Rules for verdicts on claims: whether measured numbers confirm the statement of a paper.
+//! Rules for verdicts on claims of papers: whether measured numbers confirm what a paper states.
 
 use serde::Serialize;
 
-/// Verdict on a claim, ordered from worst to best.
+/// Verdict on a claim of a paper, ordered from worst to best.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Holds {
-    /// The claim does not hold.
+    /// The claim of the paper does not hold.
     No,
-    /// The claim holds in part: the direction is right but not the number, or it holds in some of several cases.
+    /// The claim of the paper holds in part: the direction is right but not the number, or it holds in some of
+    /// several cases.
     Partly,
-    /// The claim holds.
+    /// The claim of the paper holds.
     Yes,
-    /// The claim was not tested.
+    /// The claim of the paper was not tested.
     #[default]
     #[serde(rename = "")]
     Untried,
 }
 
-/// Tolerance factor by which a time ratio may lie outside a paper's range, because other load on the machine disturbs
-/// timing.
+/// Factor by which a measured ratio of times may lie outside the range stated in a paper, because other load on the
+/// machine disturbs timing.
 pub const TIME_SLACK: f64 = 1.15;
-/// Largest ratio of two measured numbers that count as equal.
+/// Largest ratio between two measured numbers at which they still count as equal.
 pub const EQUAL: f64 = 1.05;
 
 impl Holds {
-    /// Returns the verdict on a claim as tables show it; empty for a claim that was not tested.
+    /// Returns the verdict on a paper's claim as tables show it; empty for a claim that was not tested.
     pub fn word(self) -> &'static str {
         match self {
             Self::No => "no",
@@ -35,7 +36,7 @@ impl Holds {
         }
     }
 
-    /// Returns the verdict `Yes` if `yes` is true, else `Partly` if `partly` is true, else `No`.
+    /// Returns a verdict on a paper's claim: `Yes` if `yes` is true, else `Partly` if `partly` is true, else `No`.
     pub fn of(yes: bool, partly: bool) -> Self {
         match (yes, partly) {
             (true, _) => Self::Yes,
@@ -44,8 +45,8 @@ impl Holds {
         }
     }
 
-    /// Combines a claim's verdicts over several cases: `Yes` or `No` if they agree, otherwise `Partly`; `No` without
-    /// cases.
+    /// Combines the verdicts on a paper's claim over several cases: `Yes` or `No` if they agree, otherwise `Partly`;
+    /// `No` without cases.
     pub fn all(cases: impl IntoIterator<Item = Self>) -> Self {
         let mut cases = cases.into_iter();
         let Some(first) = cases.next() else { return Self::No };
@@ -53,7 +54,7 @@ impl Holds {
     }
 }
 
-/// Verdict on a measured ratio for which a paper gives a range.
+/// Verdict on a measured ratio, such as of two times, for which a paper states a range.
 ///
 /// `Yes` if the ratio lies in the range widened by [`TIME_SLACK`] at both ends. If the whole range lies on one side
 /// of 1, the ratio must lie on that side too.
@@ -68,31 +69,32 @@ pub fn within(ratio: f64, [low, high]: [f64; 2]) -> Holds {
     Holds::of(near && !opposite, side || near && equal)
 }
 
-/// Verdict on a measured ratio that a paper claims to be large: `Yes` from `wanted` on, `Partly` from [`EQUAL`] on.
+/// Verdict on a measured ratio that is large according to a paper: `Yes` from `wanted` on, `Partly` from [`EQUAL`]
+/// on.
 pub fn at_least(ratio: f64, wanted: f64) -> Holds {
     Holds::of(ratio >= wanted, ratio >= EQUAL)
 }
 
-/// Verdict on a measured ratio that a paper claims to be small: `Yes` up to `limit`, `Partly` up to `most`.
+/// Verdict on a measured ratio that is small according to a paper: `Yes` up to `limit`, `Partly` up to `most`.
 pub fn at_most(ratio: f64, limit: f64, most: f64) -> Holds {
     Holds::of(ratio <= limit, ratio <= most)
 }
 
-/// Verdict on a series of measurements that a paper claims to rise. `Yes` if no step falls and the total rise exceeds
-/// `least`; `Partly` if only the total rise does.
+/// Verdict on a series of measurements that rises according to a paper. `Yes` if no step falls and the total rise
+/// exceeds `least`; `Partly` if only the total rise does.
 pub fn rises(series: &[f64], least: f64) -> Holds {
     let (Some(first), Some(last)) = (series.first(), series.last()) else { return Holds::No };
     let whole = last - first > least;
     Holds::of(whole && series.windows(2).all(|w| w[1] >= w[0]), whole)
 }
 
-/// Verdict on a series of measurements that a paper claims to fall. `Yes` if no step rises and the total fall exceeds
-/// `least`; `Partly` if only the total fall does.
+/// Verdict on a series of measurements that falls according to a paper. `Yes` if no step rises and the total fall
+/// exceeds `least`; `Partly` if only the total fall does.
 pub fn falls(series: &[f64], least: f64) -> Holds {
     rises(&series.iter().map(|x| -x).collect::<Vec<_>>(), least)
 }
 
-/// Verdict on measured numbers against the numbers of a paper. `Yes` if all differ by at most `near`, `Partly` if at
+/// Verdict on measured numbers against the numbers in a paper. `Yes` if all differ by at most `near`, `Partly` if at
 /// least half do. `No` if the lists are empty or differ in length.
 pub fn beside(measured: &[f64], claimed: &[f64], near: f64) -> Holds {
     if measured.len() != claimed.len() || measured.is_empty() {
@@ -102,18 +104,19 @@ pub fn beside(measured: &[f64], claimed: &[f64], near: f64) -> Holds {
     Holds::of(hits == measured.len(), 2 * hits >= measured.len())
 }
 
-/// Least-squares line through measured points.
+/// Least-squares line through measured points: value at 0, slope and residual.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Value of the least-squares line at 0.
     pub start: f64,
     /// Slope of the least-squares line.
     pub slope: f64,
-    /// Root mean square residual of the points from the line, divided by the absolute value of their mean.
+    /// Root mean square residual of the points from the least-squares line, divided by the absolute value of their
+    /// mean.
     pub residual: f64,
 }
 
-/// Fits a line through points by least squares; `None` if they have fewer than two distinct x values.
+/// Fits a least-squares line through points; `None` if they have fewer than two distinct x values.
 pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     let n = points.len() as f64;
     let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
@@ -128,8 +131,8 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     Some(Line { start, slope, residual })
 }
 
-/// Fits the exponent `p` of `y = c x^p` by least squares of logarithms. `None` if a coordinate is not positive or no
-/// line fits.
+/// Fits the exponent `p` of `y = c x^p` by least squares of logarithms. `None` if a coordinate is not positive or the
+/// line fit fails.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let positive = points.iter().all(|(x, y)| *x > 0.0 && *y > 0.0);
     let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();

@@ -1,4 +1,4 @@
-//! Test of papers' claims: measures once everything that the claims need, then judges each claim.
+//! Test of claims of papers: makes each required measurement once, then gives a verdict on each claim.
 
 use super::claim::{Claim, Finding, Measured, Row};
 use super::figures::{Depth, Figures, Wanted, key, measure};
@@ -13,8 +13,8 @@ use crate::shadow::{Method, parse_list};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Returns the names of the scenes on which claims are tested: the given scenes, or the built-in scenes that the
-/// claims name.
+/// Returns the names of the scenes on which claims of papers are tested: the given scenes, or else the built-in
+/// scenes that the claims name.
 pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     if !given.is_empty() {
         return given.to_vec();
@@ -23,8 +23,8 @@ pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     names.filter(|name| claims.iter().any(|c| c.scenes.contains(name))).collect()
 }
 
-/// Groups the measurements that claims need by scene variant. Each method is measured once, to the greatest extent
-/// requested.
+/// Groups the shadow methods that claims of papers need by scene variant. Each method is measured once, to the
+/// greatest extent that a claim needs.
 fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     let mut groups: Vec<Wanted> = Vec::new();
     let mut claims: Vec<&Claim> = claims.filter(|c| c.depth != Depth::Times).collect();
@@ -49,8 +49,8 @@ fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     Ok(groups)
 }
 
-/// Tests claims on the scenes `given`, or else on the built-in scenes that each claim names. `read` loads a scene by
-/// its name. A claim with missing measurements gets a row with the reason.
+/// Tests claims of papers on the scenes `given`, or else on the built-in scenes that each claim names. `read` loads a
+/// scene by its name. A claim with missing measurements gets a row with the reason.
 ///
 /// # Errors
 /// A scene cannot be read, the device cannot store it, or the user cancelled the measurement.
@@ -109,12 +109,12 @@ pub fn run(
     Ok(rows.into_iter().map(|(_, row)| row).collect())
 }
 
-/// Whether a claim compares its scene with other built-in scenes.
+/// Whether a paper's claim is tested by comparing two built-in scenes with each other.
 fn compares_stand_ins(claim: &Claim) -> bool {
     claim.needs.iter().any(|n| n.variant.scene.is_some())
 }
 
-/// Creates a row of the claims table without a verdict.
+/// Creates a row of the table of tested claims (`claims.csv`), without a verdict.
 fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     Row {
         paper: claim.paper.clone(),
@@ -126,7 +126,7 @@ fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     }
 }
 
-/// Selects the measurements that a claim needs from all measurements on its scene.
+/// Selects the measurements for one claim of a paper from all measurements on a scene.
 fn collect<'a>(
     claim: &Claim,
     known: &'a [(Variant, HashMap<String, Figures>)],
@@ -144,7 +144,8 @@ fn collect<'a>(
     Ok(measured)
 }
 
-/// Creates the row of the claims table with the verdict on a claim, from the measurements that it needs.
+/// Creates the row of the table of tested claims (`claims.csv`) with the verdict on one paper's claim, from its
+/// measurements.
 fn verdict(claim: &Claim, scene: &str, measured: &Measured) -> Row {
     let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
     variants.dedup();
@@ -195,7 +196,7 @@ mod tests {
         }
     }
 
-    /// Returns measurements of a method with random values for every quantity, for tests.
+    /// Returns random measurements of a shadow method for tests, with a value for every quantity.
     fn made_up(method: &dyn Method, random: &mut fastrand::Rng) -> Figures {
         let mut value = |scale: f64| Some(scale * (0.2 + random.f64()));
         let row = table::Row {
@@ -237,7 +238,8 @@ mod tests {
         }
     }
 
-    /// Every claim's formula can be evaluated, and its verdict depends on the measured numbers.
+    /// Tests that every paper's claim has formulas that can be evaluated, and a verdict that depends on the measured
+    /// numbers.
     #[test]
     fn verdicts_follow_from_the_figures() {
         let mut random = fastrand::Rng::with_seed(7);

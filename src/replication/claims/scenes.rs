@@ -1,4 +1,4 @@
-//! Scenes for testing claims: built-in substitutes for the papers' data, and variants of a scene.
+//! Scenes for testing claims of papers: built-in substitutes for the papers' data, and variants of a scene.
 
 use crate::scene::{Light, Scene, Skip};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
@@ -8,17 +8,17 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
-/// Built-in scene that substitutes for the data of a paper.
+/// Built-in scene that replaces the data used in a paper.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandIn {
     /// Name of the built-in scene, as in the column `scene` of `claims.csv`.
     pub name: String,
-    /// Data of the papers that the built-in scene substitutes for.
+    /// Description of the data in papers that this built-in scene replaces.
     pub about: String,
-    /// Text of the built-in scene's file (TOML), without the extinction factor.
+    /// Text of the built-in scene's TOML file. The factor `extinction` is not applied in it.
     pub toml: String,
-    /// Factor by which the extinction of the scene's transfer function is multiplied.
+    /// Factor by which the extinction of the built-in scene's transfer function is multiplied.
     #[serde(default = "one")]
     pub extinction: f64,
 }
@@ -27,7 +27,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// All built-in scenes for testing claims, from `scenes.toml`.
+/// All built-in scenes for testing claims of papers, from `scenes.toml`.
 pub static STAND_INS: LazyLock<Vec<StandIn>> = LazyLock::new(|| {
     // A test reads the built-in file.
     let file: Option<BTreeMap<String, Vec<StandIn>>> = toml::from_str(include_str!("scenes.toml")).ok();
@@ -35,40 +35,41 @@ pub static STAND_INS: LazyLock<Vec<StandIn>> = LazyLock::new(|| {
 });
 
 impl StandIn {
-    /// Multiplies the extinction of a scene's transfer function by this built-in scene's factor.
+    /// Multiplies the extinction of a scene's transfer function by the factor of this built-in scene.
     pub fn of(&self, subject: Subject) -> Subject {
         Subject { tf: denser(&subject.tf, self.extinction), ..subject }
     }
 }
 
-/// Scene for testing claims, with its volume and transfer function.
+/// Scene for testing claims of papers, with its volume and transfer function.
 #[derive(Clone)]
 pub struct Subject {
-    /// Volume of the scene.
+    /// Volume of the scene on which claims of papers are tested.
     pub volume: Arc<Volume>,
-    /// Transfer function of the scene, from voxel values to colour and extinction.
+    /// Transfer function of the scene on which claims of papers are tested, from scalar values to colour and
+    /// extinction.
     pub tf: TransferFunction,
-    /// Camera, light and picture size of the scene.
+    /// Camera, light and picture size of the scene on which claims of papers are tested.
     pub scene: Scene,
 }
 
-/// Variant of a scene on which a claim is tested: the changes to apply to the scene.
+/// Variant of a scene on which a paper's claim is tested: changes, such as of extinction, light or picture size.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Variant {
-    /// Factor by which all extinction of the scene is multiplied.
+    /// Factor by which all extinction of the scene is multiplied in this variant.
     pub extinction: f64,
-    /// Direction towards the light, if it differs from the original scene's.
+    /// Direction towards the light in the scene variant, if it differs from the original scene's.
     pub light: Option<DVec3>,
-    /// Mode of empty-space skipping, if it differs from the original scene's.
+    /// Mode of empty-space skipping in the scene variant, if it differs from the original scene's.
     pub skip: Option<Skip>,
-    /// Pixels per side of a square picture, if its size differs from the original scene's.
+    /// Width and height of a square picture, in pixels, if its size differs from the original scene's.
     pub pixels: Option<u32>,
-    /// Name of another built-in scene that replaces the original scene.
+    /// Name of another built-in scene that replaces the original scene in this variant.
     pub scene: Option<String>,
 }
 
-/// Creates the variant that leaves a scene unchanged.
+/// Creates the scene variant that leaves a scene unchanged.
 impl Default for Variant {
     fn default() -> Self {
         Self { extinction: 1.0, light: None, skip: None, pixels: None, scene: None }
@@ -76,7 +77,7 @@ impl Default for Variant {
 }
 
 impl Variant {
-    /// Applies the changes of this variant to a scene.
+    /// Returns a scene with the changes of this variant: extinction, light, empty-space skipping and picture size.
     pub fn of(&self, subject: &Subject) -> Subject {
         let Subject { volume, tf, scene } = subject;
         let mut scene = scene.clone();
@@ -90,7 +91,7 @@ impl Variant {
         Subject { volume: Arc::clone(volume), tf: denser(tf, self.extinction), scene }
     }
 
-    /// Describes the changes of this scene variant in words; empty for an unchanged scene.
+    /// Describes in words how this variant changes a scene; empty for an unchanged scene.
     pub fn text(&self) -> String {
         let mut parts: Vec<String> = self.scene.iter().cloned().collect();
         if self.extinction != 1.0 {
@@ -109,8 +110,8 @@ impl Variant {
     }
 }
 
-/// Returns the transfer function with all extinction multiplied by a factor, exactly. For opacities, the reference
-/// length is divided by the factor.
+/// Returns the transfer function with all extinction multiplied by a factor, exactly. If the transfer function gives
+/// opacities, their reference length is divided by the factor.
 fn denser(tf: &TransferFunction, factor: f64) -> TransferFunction {
     let mut tf = tf.clone();
     match tf.quantity {

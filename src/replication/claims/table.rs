@@ -1,22 +1,22 @@
-//! Tables of the tested claims of papers, as Markdown.
+//! Markdown tables of the tested claims of papers.
 
 use super::Row;
 use super::claim::figures_text;
 use super::rules::Holds;
 
-/// Scene on which claims were tested, with everything needed to repeat the test.
+/// Scene on which claims of papers were tested, with everything needed to repeat the test.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TriedOn {
     /// Name of the scene, as in the column `scene` of `claims.csv`.
     pub name: String,
-    /// Data that a built-in scene substitutes for, or the file that the scene was read from.
+    /// Description of the paper's data that a built-in scene replaces, or the file from which the scene was read.
     pub about: String,
-    /// Text of the scene file (TOML).
+    /// Text of the scene file (TOML) on which claims of papers were tested.
     pub toml: String,
 }
 
-/// Returns a Markdown table with the number of claims of each paper that hold, hold in part, do not hold and were not
-/// tested.
+/// Returns a Markdown table that counts the claims of each paper by verdict: those that hold, hold in part, do not
+/// hold, or were not tested.
 pub fn counts(rows: &[Row]) -> String {
     let mut out =
         String::from("| paper | yes | partly | no | not tried |\n| --- | ---: | ---: | ---: | ---: |\n");
@@ -28,15 +28,15 @@ pub fn counts(rows: &[Row]) -> String {
     out
 }
 
-/// Returns the papers in the rows of the claims table, each once, in order.
+/// Returns the papers in the rows of the table of tested claims, each once, in order.
 fn papers(rows: &[Row]) -> Vec<&str> {
     let mut papers: Vec<&str> = rows.iter().map(|r| r.paper.as_str()).collect();
     papers.dedup();
     papers
 }
 
-/// Writes `claims.md`: counts of verdicts, one table of claims per paper, and the scenes. `made_by` names the
-/// graphics adapter and the program revision.
+/// Writes `claims.md`, the Markdown report on tested claims of papers: counts of verdicts, one table of claims per
+/// paper, and the scenes. `made_by` names the graphics adapter and the program revision.
 pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
     let mut out = format!("# Claims of the papers, tried\n{made_by}\n\n{}", counts(rows));
     for paper in papers(rows) {
@@ -59,7 +59,7 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
     out.trim_end().to_owned() + "\n"
 }
 
-/// Formats a row of a Markdown table.
+/// Formats one row of a Markdown table of tested claims.
 fn line(cells: impl Iterator<Item = String>) -> String {
     format!("| {} |\n", cells.map(|c| c.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
 }

@@ -1,5 +1,5 @@
-//! Interleaved timing of methods on several variants of a scene. Separate comparisons are minutes apart, and the load
-//! of the machine changes meanwhile.
+//! Interleaved timing of shadow methods on several variants of a scene. Separate comparisons would be minutes apart,
+//! and the load of the machine changes meanwhile.
 
 use super::claim::Need;
 use super::figures::Figures;
@@ -13,8 +13,8 @@ use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::shadow::parse_list;
 use std::sync::Arc;
 
-/// Times all methods that a claim needs, on all of its scene variants, in interleaved rounds. Nothing else is
-/// measured.
+/// Times all shadow methods that the test of a paper's claim needs, on all scene variants, in interleaved rounds.
+/// Nothing else is measured.
 ///
 /// # Errors
 /// The device cannot store a variant of the scene, or the user cancelled the measurement.

@@ -10,31 +10,31 @@ use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Name of the ordinary stability case, whose time and memory serve as the baseline for all others.
+/// Name of the ordinary stability case. Time and memory of a method in this case are the baseline for all others.
 pub const ORDINARY: &str = "ordinary";
 
 /// Stability case: a volume, transfer function, lights and settings on which every shadow method is tested.
 pub struct Case {
-    /// Name of the stability case, as `--case` takes it.
+    /// Name of the stability case, as the option `--case` takes it.
     pub name: String,
     /// Description of the extreme property that the stability case tests.
     pub about: String,
-    /// Volume of the stability case.
+    /// Volume of the stability case, on which every shadow method is tested.
     pub volume: Arc<Volume>,
     /// Transfer function of the stability case, from voxel values to colour and extinction.
     pub tf: TransferFunction,
-    /// Lights of the stability case. Each light is tested alone.
+    /// Lights of the stability case. Shadow methods are tested with each light alone.
     pub lights: Vec<Light>,
-    /// Method settings of the stability case as `(name, value)` pairs. They override the settings of the tested
-    /// methods.
+    /// Settings that the stability case imposes on the tested shadow methods, as `(name, value)` pairs. They override
+    /// a method's own settings.
     pub settings: Vec<(String, String)>,
-    /// Whether the stability case applies only to methods that have all of its settings.
+    /// Whether the stability case applies only to shadow methods that have all of the settings it imposes.
     pub needs_settings: bool,
-    /// Step length of camera rays in the stability case, in units of the smallest voxel spacing.
+    /// Step length of the renderer's camera rays in the stability case, in units of the smallest voxel spacing.
     pub step: f64,
 }
 
-/// Contents of `cases.toml`, the file of stability cases.
+/// Contents of `cases.toml`, the file that defines the stability cases.
 #[derive(Deserialize)]
 struct CaseFile {
     case: Vec<CaseEntry>,
@@ -47,16 +47,17 @@ struct CaseEntry {
     name: String,
     about: String,
     field: Field,
-    /// Voxel values for the field values 0 and 1, which are mapped linearly.
+    /// Voxel values that the scalar field's values 0 and 1 become in the volume; values between are mapped linearly.
     values: [f64; 2],
     dims: [usize; 3],
-    /// World vectors of one voxel step along each index axis, and world position of the index origin, mm.
+    /// World vectors of one voxel step along each index axis of the volume, and world position of index (0, 0, 0),
+    /// mm.
     affine: [DVec3; 4],
-    /// Control points of the transfer function as pairs of voxel value and extinction (1/mm).
+    /// Control points of the stability case's transfer function as pairs of voxel value and extinction (1/mm).
     extinction: Vec<(f64, f64)>,
-    /// Control points of the transfer function as pairs of voxel value and opacity.
+    /// Control points of the stability case's transfer function as pairs of voxel value and opacity.
     opacity: Vec<(f64, f64)>,
-    /// Number of control points of a transfer function whose extinction follows a sine wave.
+    /// Number of control points in the stability case's transfer function if its extinction is a sine wave; 0 if not.
     waves: u32,
     reference_length_mm: f64,
     lights: Vec<LightEntry>,
@@ -94,7 +95,7 @@ enum LightEntry {
     Point(DVec3),
 }
 
-/// Reads all stability cases from the built-in file, the ordinary case first.
+/// Reads all stability cases from the built-in file `cases.toml`, the ordinary case first.
 ///
 /// # Errors
 /// The built-in file of cases is malformed; a test reads it.

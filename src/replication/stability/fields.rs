@@ -7,51 +7,51 @@ use ndarray::Array3;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Number of voxels per side in the volumes of most stability cases.
+/// Number of voxels along each side of the volume, in most stability cases.
 pub const SIDE: usize = 24;
 
-/// Scalar field for the volume of a stability case, as a function of index coordinates. Values lie in `[0, 1]`,
-/// except for the last three fields.
+/// Scalar field that fills the volume of a stability case, as a function of voxel indices. Values lie in `[0, 1]`,
+/// except in the three fields with spikes, NaN or infinities.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Field {
-    /// Ball with value 1 at its centre and 0 at a radius of 11 voxels, with a few percent of irregularity.
+    /// Field of a ball: value 1 at its centre, 0 at a radius of 11 voxels, with a few percent of irregularity.
     #[default]
     Ball,
-    /// Uniform field with the value 0.5.
+    /// Uniform scalar field with the value 0.5.
     Constant,
-    /// Rough field whose values vary irregularly from voxel to voxel.
+    /// Rough scalar field whose values vary irregularly from voxel to voxel.
     Rough,
-    /// Half space: 1 where z < 12 voxels, 0 elsewhere.
+    /// Half space as a scalar field: 1 where z < 12 voxels, 0 elsewhere.
     HalfSpace,
-    /// Alternating layers of 0 and 1 along x, each one voxel thick.
+    /// Scalar field of alternating layers of 0 and 1 along x, each one voxel thick.
     LayersX,
-    /// Alternating layers of 0 and 1 along z, each one voxel thick.
+    /// Scalar field of alternating layers of 0 and 1 along z, each one voxel thick.
     LayersZ,
-    /// Spherical shell with a radius of 9 voxels and a wall of one voxel.
+    /// Scalar field of a spherical shell with a radius of 9 voxels and a wall of one voxel.
     Shell,
-    /// Solid ball with a radius of 8 voxels.
+    /// Scalar field of a solid ball with a radius of 8 voxels.
     SolidBall,
-    /// Two square columns along z that meet only at the edge x = y = 3 voxels.
+    /// Scalar field of two square columns along z that meet only at the edge x = y = 3 voxels.
     Columns,
-    /// Rough values in two opposite corners of a grid of 48 voxels per side, 0 elsewhere.
+    /// Scalar field with rough values in two opposite corners of a grid of 48 voxels per side, 0 elsewhere.
     Corners,
-    /// Oblique plane sheet with a thickness of one voxel.
+    /// Scalar field of an oblique plane sheet, one voxel thick.
     Sheet,
-    /// Column of 8 x 8 voxels below z = 12 voxels.
+    /// Scalar field of a column of 8 x 8 voxels below z = 12 voxels.
     Block,
-    /// Isolated voxels of 1, each surrounded by 0.
+    /// Scalar field of isolated voxels of value 1, each surrounded by 0.
     LoneVoxels,
-    /// Ball with a single voxel of value 1e6 at its centre.
+    /// Scalar field of a ball with a single voxel of value 1e6 at its centre.
     Outlier,
-    /// Ball in which some voxels are NaN.
+    /// Scalar field of a ball in which some voxels are NaN.
     Nan,
-    /// Ball in which some voxels are positive or negative infinity.
+    /// Scalar field of a ball in which some voxels are positive or negative infinity.
     Infinities,
 }
 
 impl Field {
-    /// Returns the value of the scalar field at index coordinates.
+    /// Returns the value of the scalar field at a voxel index.
     fn at(self, p: DVec3) -> f64 {
         let middle = DVec3::splat(0.5 * (SIDE as f64 - 1.0));
         let from_middle = p.distance(middle);
@@ -89,7 +89,8 @@ impl Field {
         }
     }
 
-    /// Creates a float32 volume of `dims` voxels from the scalar field, with 0 and 1 mapped to `low` and `high`.
+    /// Creates a float32 volume of `dims` voxels from the scalar field. The field's values 0 and 1 become the voxel
+    /// values `low` and `high`.
     pub fn volume(
         self,
         world_from_index: DAffine3,

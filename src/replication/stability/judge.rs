@@ -1,34 +1,35 @@
-//! Detection of numerical faults of a shadow method on a stability case.
+//! Detection of numerical faults of a shadow method in a stability case.
 
 use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::shadow::{Bound, Curve};
 use serde::Serialize;
 
-/// Result of a shadow method on a stability case, from good to bad, as in the column `status`.
+/// Outcome of testing a shadow method in a stability case, from good to bad, for the column `status` of the stability
+/// table.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The shadow method shows no numerical fault.
     #[default]
     Ok,
-    /// The transmittance violates the method's error bound.
+    /// The transmittance by the shadow method violates the method's error bound.
     BoundExceeded,
-    /// The transmittance increases with depth along a light ray.
+    /// The transmittance by the shadow method increases with depth along a light ray.
     NotMonotone,
-    /// A transmittance or a picture channel lies outside `[0, 1]`.
+    /// A transmittance by the shadow method, or a colour or opacity of its picture, lies outside `[0, 1]`.
     OutOfRange,
-    /// A transmittance or a picture channel is NaN or infinite.
+    /// A transmittance by the shadow method, or a colour or opacity of its picture, is NaN or infinite.
     Nan,
     /// The shadow method could not be built, rendered or queried.
     Failed,
 }
 
 impl Status {
-    /// All statuses of a method on a stability case, from good to bad.
+    /// All possible outcomes of testing a shadow method in a stability case, from good to bad.
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 
-    /// Name and symbol of each status in [`Self::ALL`], for the stability table and its summary.
+    /// Name and symbol of each outcome in [`Self::ALL`], for the stability table and its summary.
     const TEXTS: [(&'static str, char); 6] = [
         ("ok", '✓'),
         ("bound_exceeded", 'B'),
@@ -38,41 +39,43 @@ impl Status {
         ("failed", 'F'),
     ];
 
-    /// Name of the status in the stability table.
+    /// Name of the outcome of testing a shadow method, as the stability table shows it.
     pub fn name(self) -> &'static str {
         Self::TEXTS[self as usize].0
     }
 
-    /// Symbol of the status in the summary of the stability table.
+    /// Symbol of the outcome of testing a shadow method, as the Markdown summary of the stability table shows it.
     pub fn glyph(self) -> char {
         Self::TEXTS[self as usize].1
     }
 }
 
-/// Findings on one shadow method in a stability case with one light: tests along light rays and of one picture.
+/// Test results of one shadow method in a stability case with one light: along light rays and in one picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Findings {
-    /// Test of the method's transmittance along light rays against the exact curve and the error bound.
+    /// Errors of the shadow method's transmittance along light rays, against the exact transmittance and the error
+    /// bound.
     pub check: BoundReport,
-    /// Error bound that the method states for transmittance along light rays, if any.
+    /// Error bound that the shadow method states for transmittance along light rays, if any.
     pub bound: Option<Bound>,
-    /// Counts of unphysical transmittance values along light rays, found without the exact curve.
+    /// Counts of transmittance values along light rays that increase with depth, lie outside `[0, 1]`, or are not
+    /// finite.
     pub rays: Sanity,
-    /// Shape of the transmittance curve along a light ray that the method's definition permits, such as a monotone
+    /// Shape that the shadow method's transmittance may have along a light ray by its definition, such as a monotone
     /// decrease.
     pub curve: Curve,
-    /// Number of picture channels that are NaN or infinite.
+    /// Number of colour or opacity values in the picture that are NaN or infinite.
     pub picture_non_finite: usize,
-    /// Number of finite picture channels outside `[0, 1]`.
+    /// Number of finite colour or opacity values in the picture that lie outside `[0, 1]`.
     pub picture_out_of_range: usize,
 }
 
-/// Tolerance for picture channels outside `[0, 1]`. It covers the rounding of sums over thousands of samples under
-/// white light without background.
+/// Tolerance for colour and opacity values of a picture outside `[0, 1]`. It covers the rounding of sums over
+/// thousands of samples under white light without background.
 const PICTURE_RANGE: f32 = 1e-5;
 
 impl Findings {
-    /// Counts the channels of a picture that are not finite or outside `[0, 1]`.
+    /// Counts the colour and opacity values of a picture that are not finite or lie outside `[0, 1]`.
     pub fn check_picture<'a>(&mut self, channels: impl IntoIterator<Item = &'a f32>) {
         for v in channels {
             self.picture_non_finite += usize::from(!v.is_finite());
@@ -81,17 +84,20 @@ impl Findings {
         }
     }
 
-    /// Number of values that are NaN or infinite, over transmittances along light rays and picture channels.
+    /// Number of NaN or infinite values, over transmittances along light rays and colour and opacity values of the
+    /// picture.
     pub fn non_finite(&self) -> usize {
         self.rays.non_finite + self.picture_non_finite
     }
 
-    /// Number of finite values outside `[0, 1]`, over transmittances along light rays and picture channels.
+    /// Number of finite values outside `[0, 1]`, over transmittances along light rays and colour and opacity values
+    /// of the picture.
     pub fn out_of_range(&self) -> usize {
         self.rays.out_of_range + self.picture_out_of_range
     }
 
-    /// Returns the worst fault of the method that its own definition does not permit.
+    /// Returns the worst numerical fault of the shadow method. Behaviour that the method's definition permits, such
+    /// as ringing, is no fault.
     pub fn status(&self) -> Status {
         if self.non_finite() > 0 {
             Status::Nan
@@ -107,7 +113,7 @@ impl Findings {
         }
     }
 
-    /// Returns descriptions of all numerical faults found, worst first. Empty if there are none.
+    /// Returns descriptions of all numerical faults of the shadow method, worst first. Empty if there are none.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let mut count = |n: usize, what: &str| {
@@ -147,7 +153,8 @@ mod tests {
     const BOUND: Bound =
         Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
-    /// Findings on given transmittances of one light ray at depths 0, 1, 2, 3, with the exact curve `exp(-z)`.
+    /// Returns test results for given transmittances of one light ray at depths 0, 1, 2, 3, whose exact transmittance
+    /// is `exp(-z)`.
     fn of(values: [f32; 4], bound: Option<Bound>) -> Findings {
         let depths = [0.0, 1.0, 2.0, 3.0];
         let check = BoundReport::of_ray(0, &|z: f64| (-z).exp(), &depths, &values, bound, |_| None);

@@ -30,21 +30,23 @@ use crate::shadow::{LightSpace, Method, MethodSpec, ShadowMap};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
-/// Number of light rays tested for each stability case, light and method; `DEPTHS` is the number of depths on each.
+/// Number of light rays tested for each stability case, light and shadow method. `DEPTHS` is the number of depths
+/// tested on each ray.
 const RAYS: usize = 48;
 const DEPTHS: usize = 96;
-/// Number of texels per side of the grid from which tested light rays are chosen.
+/// Maximum number of texels per side of the regular grid on the shadow map from which tested light rays are chosen.
 const CANDIDATES: u32 = 64;
 /// Width and height of the pictures in stability tests, pixels.
 const PICTURE: [u32; 2] = [32, 24];
-/// Depth tolerance for placing test depths around jumps for methods without an error bound, in units of the smallest
-/// voxel spacing.
+/// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
+/// units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Ratio of a method's time or memory to that on the ordinary stability case, from which on a note is written.
+/// Ratio of a method's time or memory to that in the ordinary stability case from which the stability table notes it.
 const NOTED_RATIO: f64 = 20.0;
-/// Time to build a shadow map and draw a picture, in ms, up to which both are timed twice.
+/// Time in ms for building a shadow map and rendering a picture, below which both are timed twice.
 const REPEATED_BELOW_MS: f64 = 500.0;
-/// Smallest time used as a baseline, ms. Shorter times consist mostly of command submission.
+/// Smallest time of the ordinary stability case that serves as a baseline, ms. Shorter times consist mostly of
+/// command submission.
 const LEAST_MS: f64 = 1.0;
 
 /// Tolerance for transmittance that increases with depth, for methods with a shadow map. Float32 texel coordinates
@@ -54,15 +56,15 @@ const MAP_RISE: f64 = 1e-4;
 /// different segments, with an error of up to 1e-3 (the method's error bound).
 const RAYS_RISE: f64 = 2e-3;
 /// Tolerance for transmittance outside `[0, 1]`. It covers float32 rounding only, since methods average stored values
-/// or take the exponential of a nonpositive sum.
+/// or take the exponential of a sum that is not positive.
 const RANGE: f64 = 1e-6;
 
-/// Smallest distance between depths that count as distinct, as a fraction of the volume's diagonal. Float32
-/// coordinates have errors of a few 1e-7 of the diagonal, which increases transmittance visibly where the extinction
-/// is 1e4 per mm or more.
+/// Smallest distance between two depths on a light ray that count as distinct, as a fraction of the volume's
+/// diagonal. Float32 coordinates have errors of a few 1e-7 of the diagonal, which change transmittance visibly where
+/// the extinction is 1e4 per mm or more.
 const DEPTHS_APART: f64 = 1e-6;
 
-/// Time and memory that a shadow method needs on a stability case.
+/// Time and memory that a shadow method needs in a stability case.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Cost {
     build_ms: f64,
@@ -83,7 +85,8 @@ impl Cost {
         Self { build_ms, frame_ms, ..self }
     }
 
-    /// Returns the cost ratios to the ordinary stability case that reach [`NOTED_RATIO`], each with the name of the cost.
+    /// Returns the ratios of time and memory to those in the ordinary stability case that reach [`NOTED_RATIO`], each
+    /// with a name.
     fn large_ratios_to(self, ordinary: Self) -> Vec<(f64, &'static str)> {
         let time = |here: f64, there: f64| here / there.max(LEAST_MS);
         let mut found = vec![
@@ -98,9 +101,9 @@ impl Cost {
     }
 }
 
-/// Runs the chosen stability cases with every shadow method. Returns a row for each case and method to which the case
-/// applies. A failure becomes a row, and the others continue. `next` is called with the name of each case before it
-/// starts.
+/// Runs the given stability cases with every given shadow method. Returns a row of the stability table for each case
+/// and method to which the case applies. A failure becomes a row, and the others continue. `next` is called with the
+/// name of each case before it starts.
 ///
 /// # Errors
 /// A method rejects its settings.
@@ -134,8 +137,8 @@ pub fn run(
     Ok(rows)
 }
 
-/// Returns a method with those settings of a stability case that the method has. Returns `None` where the case does
-/// not apply to the method.
+/// Returns a shadow method with the settings that a stability case imposes, as far as the method has them. Returns
+/// `None` where the case does not apply to the method.
 fn with_case_settings(method: &MethodSpec, case: &Case) -> Option<MethodSpec> {
     let mut spec = method.clone();
     for (key, value) in &case.settings {
@@ -189,10 +192,11 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
     }
 }
 
-/// Findings on a method for each light of a stability case, and its largest cost over the lights.
+/// Test results of a shadow method for each light of a stability case, and its largest time and memory over the
+/// lights.
 type Outcome = Result<(Vec<(String, Findings)>, Cost)>;
 
-/// Measures every shadow method on a stability case.
+/// Tests every shadow method in a stability case and measures its time and memory.
 fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -> Vec<Outcome> {
     let session = match Session::on(renderer, Arc::clone(&case.volume), &case.tf, DisabledOptimizations::NONE)
     {
@@ -213,7 +217,7 @@ fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -
     methods.iter().map(|m| measured(m.as_ref())).collect()
 }
 
-/// Stability case with one of its lights.
+/// Stability case with one of its lights, in which shadow methods are tested.
 struct Lit<'a> {
     case: &'a Case,
     session: &'a Session,
@@ -247,7 +251,7 @@ impl Lit<'_> {
         Ok((found, cost))
     }
 
-    /// Tests the transmittance of a method along light rays on a stability case.
+    /// Tests the transmittance of a shadow method along light rays in a stability case.
     fn query_rays(&self, method: &dyn Method, shadow: &ShadowMap) -> Result<Findings> {
         let test = RayTest {
             texels: &self.texels(&shadow.light_space),
@@ -268,8 +272,8 @@ impl Lit<'_> {
         Ok(Findings { check, bound: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
     }
 
-    /// Chooses the shadow map texels to test: the middle of the map, and texels spread over the light rays that meet
-    /// extinction.
+    /// Chooses the shadow map texels on whose light rays transmittance is tested: the middle of the map, and texels
+    /// spread over the rays that meet extinction.
     fn texels(&self, space: &LightSpace) -> Vec<[u32; 2]> {
         let candidates = space.map_size.min(CANDIDATES);
         let stride = space.map_size / candidates;

@@ -1,4 +1,4 @@
-//! Table of the stability suite and its Markdown summary.
+//! Table of the stability suite, in which shadow methods are tested on extreme cases, and its Markdown summary.
 
 use super::judge::Status;
 use crate::report::markdown::{Align, aligned_table};
@@ -6,42 +6,43 @@ use itertools::Itertools as _;
 use serde::Serialize;
 use std::collections::HashMap;
 
-/// Row of `stability.csv`: one shadow method on one stability case. The fields are the columns, in order. With
-/// several lights, counts are sums over the lights, and errors and costs are the largest.
+/// Row of `stability.csv`: one shadow method in one stability case. The fields are the columns, in order. With
+/// several lights, counts are sums over the lights; errors, times and memory are the largest.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
-    /// Name of the stability case.
+    /// Name of the stability case in which the shadow method was tested.
     pub case: String,
     /// Name of the shadow method.
     pub method: String,
     /// Settings of the shadow method as `key=value` texts separated by spaces.
     pub params: String,
-    /// Worst numerical fault of the method on the stability case, or `ok`.
+    /// Worst numerical fault of the shadow method in the stability case, or `ok`.
     pub status: Status,
     /// Largest transmittance error `|T_method - T_exact|` along light rays.
     pub ray_err_max: Option<f64>,
-    /// Error bound of the method on light rays: tolerance in transmittance. The bound also has a tolerance in depth,
-    /// which this table does not list.
+    /// Error bound that the shadow method states along light rays: tolerance in transmittance. The bound also has a
+    /// tolerance in depth, which this table does not list.
     pub bound: Option<f64>,
-    /// Number of tested depths at which transmittance increases along a light ray.
+    /// Number of depths on light rays at which the shadow method's transmittance increases with depth.
     pub monotone_violations: Option<usize>,
-    /// Number of finite transmittances and picture channels outside `[0, 1]`.
+    /// Number of finite transmittances, colour values and opacities outside `[0, 1]`.
     pub out_of_range: Option<usize>,
-    /// Number of transmittances and picture channels that are NaN or infinite.
+    /// Number of transmittances, colour values and opacities that are NaN or infinite.
     pub non_finite: Option<usize>,
     /// Time to build the shadow map, ms.
     pub build_ms: Option<f64>,
     /// Memory of the shadow map, bytes.
     pub bytes: Option<u64>,
-    /// Descriptions of numerical faults, and of times or memory far above those of the ordinary case.
+    /// Descriptions of the shadow method's numerical faults, and of times or memory far above those of the ordinary
+    /// case.
     pub note: String,
 }
 
-/// Symbol for a method to which a stability case does not apply, in the summary.
+/// Symbol in the stability summary for a shadow method to which a stability case does not apply.
 const ABSENT: char = '·';
 
-/// Writes the stability summary in Markdown: cases by methods, one symbol per cell, and all notes below. A method
-/// with several settings has a column for each, in the given order.
+/// Writes the stability summary in Markdown: a table of cases by shadow methods with one symbol per cell, and all
+/// notes below. A method with several settings has a column for each, in the given order.
 pub fn markdown(rows: &[Row]) -> String {
     // Settings differ between cases, so the n-th row of a method on a case goes to its n-th column.
     let mut cells: HashMap<(&str, (&str, usize)), Status> = HashMap::new();
@@ -79,7 +80,7 @@ pub fn markdown(rows: &[Row]) -> String {
     out
 }
 
-/// Returns the number of stability rows by status, such as `312 rows: 310 ok, 2 bound_exceeded`.
+/// Returns how many rows of the stability table have each outcome, such as `312 rows: 310 ok, 2 bound_exceeded`.
 pub fn counted(rows: &[Row]) -> String {
     let count = |status: Status| rows.iter().filter(|r| r.status == status).count();
     let counts: Vec<_> = Status::ALL

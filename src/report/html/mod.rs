@@ -24,29 +24,30 @@ const SCRIPT: &str = include_str!("report.js");
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// Row of the comparison table with its pictures as PNG files, for the HTML report.
+/// Row of the comparison table with its picture and difference image as PNG files, for the HTML report.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
-    /// Row of the comparison table: one shadow method with one setting.
+    /// Row of the comparison table: measurements of one shadow method with one choice of settings.
     pub row: Row,
-    /// PNG file of the picture drawn with the shadow method of this table row.
+    /// PNG file of the picture drawn with the shadow method of a comparison-table row.
     pub picture_png: Option<Vec<u8>>,
-    /// PNG file of the picture's differences from the reference picture in false colour, with a colour bar.
+    /// PNG file of the difference between a shadow method's picture and the reference picture, in false colour with a
+    /// colour bar.
     pub error_png: Option<Vec<u8>>,
     /// Number of curve nodes in each texel of the deep shadow map; `None` for other shadow methods.
     pub nodes: Option<NodeMap>,
 }
 
-/// Title, measurement conditions, caption of the error images and notes of the HTML report.
+/// Texts of the HTML report of a comparison: title, measurement conditions, caption of the error images, and notes.
 #[derive(Debug, Clone, Default)]
 pub struct Conditions {
-    /// Heading of the HTML report.
+    /// Heading of the HTML report on a comparison of shadow methods.
     pub title: String,
     /// Names and values of the measurement conditions, such as adapter, light and number of repeats.
     pub facts: Vec<(String, String)>,
     /// Caption below the false-colour error images of the HTML report.
     pub error_caption: String,
-    /// Notes of the HTML report on the measurement, and its failures.
+    /// Notes on the measurement that the HTML report lists, with messages of failed measurements.
     pub notes: Vec<String>,
 }
 
@@ -105,13 +106,14 @@ pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path)
     write_whole(path, |file| file.write_all(text.as_bytes()))
 }
 
-/// Graphics adapters and picture sizes of the table rows, in one line of text.
+/// Returns one line of text with the graphics adapters and picture sizes of the comparison table.
 fn about(rows: &[Row]) -> String {
     let words = |row: &Row| [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)];
     rows.iter().flat_map(words).unique().join(" · ")
 }
 
-/// Plots of error against time and against memory for the HTML report, one pair for each scene and adapter.
+/// Draws the plots of the HTML report: error against time and error against memory, for each scene and graphics
+/// adapter.
 fn plots(rows: &[Row]) -> Markup {
     let of = |wanted| rows.iter().filter(|r| r.group() == wanted).cloned().collect::<Vec<_>>();
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
@@ -130,7 +132,8 @@ fn plots(rows: &[Row]) -> Markup {
     }
 }
 
-/// HTML section of one table row: its picture, error image, and figures of the deep shadow map's curve nodes.
+/// Returns the HTML section of one comparison-table row: picture, error image and, for deep shadow maps, figures of
+/// the curve nodes.
 fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<Markup> {
     let Pictured { row, picture_png, error_png, nodes } = pictured;
     let name = name(row);
@@ -163,7 +166,7 @@ fn figure(content: Markup, caption: &str) -> Markup {
     html! { figure { (content) @if !caption.is_empty() { figcaption { (caption) } } } }
 }
 
-/// HTML `img` element of a PNG file at the file's own size; `about` is the alternative text.
+/// Returns the HTML `img` element that shows a PNG file in its own size; `about` is the alternative text.
 fn image(png: &[u8], about: &str) -> Markup {
     // Width and height avoid layout shifts; the PNG header has them at bytes 16 and 20.
     let side = |at: usize| png.get(at..at + 4).map(|b| b.iter().fold(0_u32, |n, &b| n << 8 | u32::from(b)));

@@ -4,10 +4,11 @@ use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use crate::report::number::{near_one, significant};
 use maud::{Markup, html};
 
-/// Length in bytes above which the text of a table cell is shown in a small scrollable box.
+/// Length in bytes above which the text of a cell in the report's HTML table is shown in a small scrollable box.
 const LONG_TEXT: usize = 40;
 
-/// Columns of the HTML table that are visible at first: times, memory, errors and the error bound.
+/// Columns of the report's HTML table that are visible at first, such as times, memory, errors and the error bound of
+/// the method.
 const MAIN: &[&str] = &[
     "scene",
     "adapter",
@@ -25,17 +26,19 @@ const MAIN: &[&str] = &[
     "pareto",
     "status",
 ];
-/// Columns of the HTML table that are visible at first only if their values differ between table rows.
+/// Columns of the report's HTML table that are visible at first only if the values of the rows differ.
 const WHERE_DIFFERENT: &[&str] = &["scene", "adapter", "status"];
 
-/// Name of a table row for a reader: shadow method, settings, and side length of the shadow map.
+/// Returns the name of a comparison-table row for the reader: shadow method, settings, and side length of the shadow
+/// map.
 pub fn name(row: &Row) -> String {
     let map = row.map.map_or(String::new(), |map| format!("map={map}"));
     let words = [row.method.as_str(), &row.params, &map];
     words.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// HTML section with the sortable comparison table. The first column names the table row and links to its pictures.
+/// Returns the HTML section with the sortable comparison table. Its first column names the shadow method of each row
+/// and links to the pictures.
 pub fn table(rows: &[Row]) -> Markup {
     let cells: Vec<Vec<Cell>> = rows.iter().map(Row::cells).collect();
     let columns: Vec<HtmlColumn> = (0..COLUMNS.len()).map(|i| HtmlColumn::of(i, &cells)).collect();
@@ -73,12 +76,12 @@ pub fn table(rows: &[Row]) -> Markup {
     }
 }
 
-/// Appearance of one column in the HTML table.
+/// Column of the report's HTML table: kind of its values, and whether it is visible at first.
 struct HtmlColumn {
     column: &'static Column,
-    /// Kind of values in a column of the HTML table: `number` or `text`.
+    /// Kind of the values in one column of the report's HTML table: `number` or `text`.
     kind: &'static str,
-    /// Whether the column of the HTML table is hidden at first.
+    /// Whether the column of the report's HTML table is hidden at first.
     minor: bool,
 }
 
@@ -94,7 +97,7 @@ impl HtmlColumn {
         Self { column, kind: if number { "number" } else { "text" }, minor }
     }
 
-    /// CSS classes of the cells of one column in the HTML table.
+    /// CSS classes for the cells of one column in the report's HTML table.
     fn classes(&self, more: &str) -> String {
         let minor = if self.minor { " minor" } else { "" };
         format!("{}{minor}{more}", self.kind)
@@ -139,7 +142,7 @@ impl HtmlColumn {
     }
 }
 
-/// Name of a table column in words, without its unit: `frame_ms_min` becomes `frame min`.
+/// Name of a comparison-table column in words, without its unit: `frame_ms_min` becomes `frame min`.
 fn words(column: &Column) -> String {
     column.name.split('_').filter(|word| *word != column.unit).collect::<Vec<_>>().join(" ")
 }

@@ -20,10 +20,12 @@ use ndarray::Array2;
 use ndarray_npy::WriteNpyExt;
 use std::path::{Path, PathBuf};
 
-/// Title of the colour bar of difference images: absolute difference from the picture by shadow rays.
+/// Title of the colour bar of difference images: absolute difference from the reference picture, which shadow rays
+/// draw.
 pub const DIFFERENCE: &str = "|difference| from rays, linear RGBA";
 
-/// Writes the plots of error against time and against memory for each scene and adapter; returns their paths.
+/// Writes the plots of error against time and against memory for each scene and graphics adapter; returns their
+/// paths.
 pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for wanted in rows.iter().map(Row::group).unique() {
@@ -35,8 +37,8 @@ pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<P
     Ok(paths)
 }
 
-/// Returns the common upper end of the colour bar for all difference images of one scene and adapter. It ignores the
-/// picture without shadows, whose large differences would make all other images black.
+/// Returns the upper end of the colour bar that all difference images of one scene and graphics adapter share. It
+/// ignores the picture without shadows, whose large differences would make all other images black.
 pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone) -> f32 {
     let largest = |c: &Compared| c.difference.as_ref().map(round_max);
     let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name()).filter_map(largest);
@@ -48,9 +50,8 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
         .unwrap_or(1.0)
 }
 
-/// Writes the difference images, the curve nodes of deep shadow maps, the figure of all pictures (`grid_pt` points
-/// wide), and `pictures.md`, which shows them. Returns the paths, including those of the pictures that the journal
-/// has already written.
+/// Writes the difference images, the arrays of curve nodes per texel, the figure of all pictures (`grid_pt` points
+/// wide), and `pictures.md` with links to them. Returns the paths of these files and of the shadow methods' pictures.
 pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<PathBuf>> {
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
@@ -117,7 +118,8 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
     Ok(paths)
 }
 
-/// Converts a node map of a deep shadow map to one integer array: curve nodes per texel, -1 in skipped tiles.
+/// Converts the curve-node counts of a deep shadow map to one integer array: nodes per texel, -1 in tiles that are
+/// not stored.
 fn signed(map: &NodeMap) -> Array2<i32> {
     let side = TILE as usize;
     Array2::from_shape_fn(map.nodes.dim(), |(row, column)| match map.stored[[row / side, column / side]] {
@@ -126,7 +128,8 @@ fn signed(map: &NodeMap) -> Array2<i32> {
     })
 }
 
-/// Restores the node map of a deep shadow map from its integer array: curve nodes per texel, -1 in skipped tiles.
+/// Restores the curve-node counts of a deep shadow map from one integer array: nodes per texel, -1 in tiles that are
+/// not stored.
 pub fn node_map(signed: &Array2<i32>) -> NodeMap {
     let (rows, columns) = signed.dim();
     let side = TILE as usize;

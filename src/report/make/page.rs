@@ -1,4 +1,4 @@
-//! Collects the pictures and measurement conditions for the HTML report `report.html` and writes it.
+//! Collects pictures and measurement conditions of a comparison and writes its HTML report `report.html`.
 
 use super::super::heat::heat_map_png;
 use super::super::html::{Conditions, Pictured, write_report};
@@ -49,8 +49,8 @@ pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Measurement conditions of the program for the HTML report, as names and values: adapter, threads, number of
-/// samples and revision.
+/// Measurement conditions of the whole comparison for the HTML report, as names and values: adapter, threads, numbers
+/// of repeats and samples, and program revision.
 pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     let effort = job.effort;
     let info = &job.session.renderer.gpu().info;
@@ -69,7 +69,7 @@ pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
 }
 
 /// Measurement conditions of one scene for the HTML report, as names and values: volume, transfer function, picture
-/// size, lights and camera.
+/// size, lights, camera, shading and step length.
 pub fn scene_conditions(job: &Job) -> [(&'static str, String); 7] {
     let scene = job.scene;
     let camera = &scene.camera;

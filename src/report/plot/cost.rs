@@ -27,7 +27,7 @@ impl Cost {
         }
     }
 
-    /// Median, smallest and largest cost (time in ms or memory in MiB) of a row of the comparison table; `None` if
+    /// Median, smallest and largest cost of a comparison-table row: time in ms or memory in MiB. Returns `None` if
     /// the cost is unknown or not positive.
     pub fn of(self, row: &Row) -> Option<[f64; 3]> {
         let positive = |x: f64| x.is_finite() && x > 0.0;

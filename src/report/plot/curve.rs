@@ -1,7 +1,8 @@
-//! Plot of transmittance against depth along one light ray, and of the error of each shadow method.
+//! Plot of transmittance against depth along one light ray, with a second plot of each shadow method's error below
+//! it.
 //!
-//! The exact curve is a broad grey line below the curves of the shadow methods, which have the same colours and
-//! markers as in other plots. Several settings of one method differ in their dash patterns.
+//! The exact transmittance is a broad grey line below the curves of the shadow methods. The methods have the colours
+//! and markers of the other plots. Several settings of one method differ in their dash patterns.
 
 use super::axis::{Axis, draw_axes};
 use super::page::{GREY, SMALL, TEXT, TITLE, shorten};
@@ -21,9 +22,9 @@ const EXACT_WIDTH: f64 = 6.0;
 const LINE_WIDTH: f64 = 1.7;
 /// Number of markers on each curve in the plot of transmittance along a light ray.
 const MARKERS: usize = 5;
-/// Largest change of transmittance that is too small to see in the plot of transmittance along a light ray.
+/// Largest change of transmittance that is invisible in the plot of transmittance along a light ray.
 const LEVEL: f64 = 5e-4;
-/// Smallest range of the error axis to either side of 0, in the plot of transmittance along a light ray.
+/// Smallest extent of the error axis above and below 0, in the plot of transmittance error along a light ray.
 const SMALLEST_ERROR: f64 = 1e-4;
 /// Length of a sample line in the legend of the plot of transmittance along a light ray, points.
 const SAMPLE: f64 = 44.0;
@@ -150,8 +151,8 @@ fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, p
     }
 }
 
-/// Depth range of a transmittance plot, mm: contains every depth where a transmittance curve changes and the depth of
-/// the queried point, with a margin. It is the whole ray if no curve changes.
+/// Depth range that the plot of transmittance along a light ray shows, mm: all depths where a curve changes, and the
+/// point whose transmittance is queried, with a margin. It is the whole light ray if no curve changes.
 fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     let mut changes_mm: Vec<f64> = Vec::new();
     let mut add_changes = |value: &dyn Fn(usize) -> f64| {
@@ -183,7 +184,7 @@ fn error_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     [low - air, high + air]
 }
 
-/// Removes points of a plotted path that are very close to the previous point; the first and the last point stay.
+/// Removes points that are very close to the previous point of a plotted path; the first and the last point stay.
 fn thinned(path: impl Iterator<Item = Point>) -> Vec<Point> {
     const FINEST: f64 = 0.12;
     let mut path_points: Vec<Point> = Vec::new();
@@ -205,8 +206,8 @@ fn entry_name(lines: &[Line], entry: usize) -> &str {
     entry.checked_sub(1).map_or("exact", |i| &lines[i].name)
 }
 
-/// Positions of the legend's entries in a transmittance plot (0 is the exact curve, then the shadow methods), and the
-/// number of text lines.
+/// Returns the positions of the legend entries below the plot of transmittance curves, and the number of legend
+/// lines. Entry 0 is the exact curve.
 fn legend(lines: &[Line]) -> (Vec<(Point, usize)>, usize) {
     const SPACE: f64 = 26.0;
     let width = |entry: usize| SAMPLE + 8.0 + text_width(entry_name(lines, entry), TEXT) + SPACE;

@@ -28,7 +28,8 @@ const PANELS: [Rect; 2] = [
 /// Height of the strip below the axis for errors smaller than [`ERROR_FLOOR`], points.
 const STRIP: f64 = 30.0;
 const DASHES: [f64; 2] = [6.0, 4.0];
-/// Largest ratio of an SVG viewer's font width to the expected font width at which no labels of plot points overlap.
+/// Factor by which labels of plot points are widened during their placement. Labels then do not overlap in SVG
+/// viewers with a slightly wider font.
 const FALLBACK_FONT: f64 = 1.07;
 /// Factor that darkens the colour of a shadow method for its plot labels, so that thin letters are readable.
 const LABEL_SHADE: f64 = 0.65;
@@ -69,7 +70,8 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     drawing
 }
 
-/// Returns the plot point of a table row; `None` if its cost or error is missing, or the error is not finite.
+/// Returns the plotted point of a comparison-table row; `None` if its cost or error is missing, or the error is not
+/// finite.
 fn datum(
     row: &Row,
     label: &str,
@@ -145,7 +147,8 @@ fn panel(
     }
 }
 
-/// Draws an error bar with a cap at both ends: the range of a cost over the timing repeats.
+/// Draws an error bar with a cap at both ends in a plot of error against cost. It shows the range of the cost over
+/// the timing repeats.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
     drawing.line(&[Point(r.left, middle), Point(r.right, middle)], 1.0, color);
@@ -154,8 +157,8 @@ fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     }
 }
 
-/// Draws the settings of each shadow method as labels beside the plot points, those on the Pareto front first. Labels
-/// without a free place are omitted.
+/// Draws the settings of each shadow method as labels beside the plot points, those on the Pareto front first. A
+/// label without a free place is omitted.
 fn labels(
     drawing: &mut Drawing,
     frame: Rect,
@@ -219,7 +222,7 @@ fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
 
-/// Distinct values of a table column, in order of appearance, joined as one text.
+/// Joins the distinct values of one text column of the comparison table, in order of appearance.
 fn distinct<'a>(rows: &'a [Row], column: fn(&'a Row) -> &'a String) -> String {
     let values = rows.iter().map(column).map(String::as_str).filter(|value| !value.is_empty());
     values.unique().join("; ")

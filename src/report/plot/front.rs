@@ -4,10 +4,10 @@ use crate::report::canvas::{Point, Rect};
 
 /// Point of a plot of error against cost: one row of the comparison table.
 pub struct Datum {
-    /// Index of the shadow method among the methods that the plot shows.
+    /// Index of the plot point's shadow method in the list of plotted methods.
     pub family: usize,
     pub label: String,
-    /// Median, smallest and largest cost of the plotted table row: time in ms or memory in MiB.
+    /// Median, smallest and largest cost of a comparison-table row in the plot: time in ms or memory in MiB.
     pub cost: [f64; 3],
     pub error: f64,
 }

@@ -3,8 +3,8 @@
 use crate::measure::table::{Cell, Row};
 use crate::report::canvas::{Point, Rect};
 
-/// Returns a short label for each table row: the parameters that differ from other rows of its shadow method (numbers
-/// as `key=value`, words without key). If none differs, the label is the method's name.
+/// Returns a short plot label for each comparison-table row: the settings that differ from other rows of its shadow
+/// method (numbers as `key=value`, words without key). If none differs, the label is the method's name.
 pub fn of_rows(rows: &[Row]) -> Vec<String> {
     let settings = |row: &Row| {
         let map = row.map.map(|map| ("map", map.into()));
@@ -25,13 +25,13 @@ pub fn of_rows(rows: &[Row]) -> Vec<String> {
     rows.iter().zip(&settings).map(label).collect()
 }
 
-/// Label of a plot point before its placement: size and point.
+/// Label of a plot point before its placement: size of the label and position of the point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted {
     pub point: Point,
     pub width: f64,
     pub height: f64,
-    /// Whether the label of a plot point may be so far away that a leader line must connect them.
+    /// Whether the label may be so far from its plot point that a leader line must connect them.
     pub far: bool,
 }
 
@@ -43,9 +43,9 @@ pub struct Placed {
     pub leader: Option<[Point; 2]>,
 }
 
-/// Candidate distances between the rim of a marker and its label, points.
+/// Candidate distances from the rim of a plot marker to its label, points.
 const DISTANCES: [f64; 6] = [2.0, 5.0, 10.0, 18.0, 30.0, 45.0];
-/// Number of candidate directions from a marker to its label, anticlockwise from the right.
+/// Number of candidate directions from a plot marker to its label, anticlockwise from the right.
 const DIRECTIONS: usize = 16;
 /// Distance from which a leader line connects a label with its plot point, points.
 const LEADER_FROM: f64 = 10.0;
@@ -54,8 +54,8 @@ const SWEEPS: usize = 4;
 /// Largest fraction of a label's area that other labels or markers may cover; a label covered more is not drawn.
 const MOST_COVERED: f64 = 0.08;
 
-/// Places labels of plot points inside `bounds`, without overlaps of other labels and markers, and of `obstacles`
-/// where possible. Earlier labels have priority; a later label without a free place is `None`.
+/// Places the labels of plot points inside the rectangle `bounds`, with little overlap with each other, with plot
+/// markers and with the rectangles `obstacles`. Earlier labels have priority; a label without a free place is `None`.
 pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -> Vec<Option<Placed>> {
     let markers: Vec<Rect> = labels.iter().map(|l| Rect::around(l.point, radius, radius)).collect();
     let mut placed: Vec<Option<Placed>> = vec![None; labels.len()];
@@ -92,8 +92,8 @@ pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -
     }
 }
 
-/// Candidate places of a label around its plot point, each with a penalty. Near places are preferred, and slightly
-/// those to the right and above.
+/// Candidate places of a label around its plot point, each with a penalty. Places near the point, and those to the
+/// right or above, have smaller penalties.
 fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)> {
     let Wanted { point, width, height, .. } = label;
     (0..DISTANCES.len() * DIRECTIONS).map(move |c| {

@@ -7,23 +7,23 @@ use crate::report::number::{near_one, significant};
 /// Column of the readable comparison tables: heading, unit and formatting.
 #[derive(Clone, Copy)]
 pub struct TableColumn {
-    /// Name of the table column in `compare.csv`.
+    /// Name in `compare.csv` of a column of the readable tables.
     pub name: &'static str,
     pub heading: &'static str,
     pub unit: &'static str,
     /// Whether the table column contains numbers, which are aligned to the right.
     pub number: bool,
-    /// Whether the column is one of the few columns of the default LaTeX table.
+    /// Whether the column belongs to the few columns of the default LaTeX table.
     pub on_paper: bool,
-    /// Whether the column moves to the table's caption if all rows have the same value.
+    /// Whether the table's caption shows this column's value instead, if all rows have the same value.
     pub caption: bool,
-    /// Whether the column shows the value of `compare.csv` with rounded reals, without combining it with other
-    /// columns.
+    /// Whether the column shows one value of `compare.csv`, with rounded reals, instead of a combination of several
+    /// values.
     plain: bool,
 }
 
 impl TableColumn {
-    /// Formats the value of a table row in this column.
+    /// Returns the text of a comparison-table row in this column of the readable tables.
     pub fn value(&self, row: &Row) -> String {
         match (self.name, row.cell(self.name)) {
             ("width", _) if !self.plain => format!("{} x {}", row.width, row.height),
@@ -47,12 +47,12 @@ const fn number(name: &'static str, heading: &'static str, unit: &'static str) -
     TableColumn { unit, number: true, ..text(name, heading, true) }
 }
 
-/// Column of numbers that the default LaTeX table omits.
+/// Creates a column of numbers that the default LaTeX table omits.
 const fn wide(name: &'static str, heading: &'static str, unit: &'static str) -> TableColumn {
     TableColumn { on_paper: false, ..number(name, heading, unit) }
 }
 
-/// Column of a measurement condition, which moves to the table's caption if all rows have the same value.
+/// Creates a column with a measurement condition; the table's caption shows it if all rows have the same value.
 const fn condition(name: &'static str, heading: &'static str, on_paper: bool) -> TableColumn {
     TableColumn { caption: true, ..text(name, heading, on_paper) }
 }
@@ -93,8 +93,8 @@ pub const SHOWN: &[TableColumn] = &[
     text("status", "status", true),
 ];
 
-/// Returns the table columns with the given names, in the given order. Columns without a readable form show the value
-/// of `compare.csv`.
+/// Returns the table columns with the given names, in the given order. A column that has no readable form shows its
+/// plain value from `compare.csv`.
 ///
 /// # Errors
 /// A column of `compare.csv` with this name does not exist, or a name is listed twice.
@@ -123,7 +123,7 @@ pub fn chosen(names: &[String]) -> Result<Vec<TableColumn>> {
     }
 }
 
-/// Columns of text among the table columns that are shown only on request.
+/// Columns of `compare.csv` that contain text and appear in the readable tables only on request.
 const WORDS: &[&str] = &["left_out", "tuned_for", "profile", "version", "note"];
 
 /// Unit of a table column in brackets, for its heading; empty without a unit.

@@ -11,13 +11,13 @@ pub struct Latex {
     pub left_out: Vec<&'static str>,
 }
 
-/// Font size of the LaTeX table with the gap on each side of a column.
+/// Font size of the LaTeX table, and gap on each side of its columns.
 struct Size {
     command: &'static str,
     /// Nominal font size of the LaTeX table in a 10-point document class, points.
     points: f64,
-    /// Ratio of the letter widths at a LaTeX font size to those of the 10-point font scaled down; the largest over
-    /// all letters.
+    /// Largest ratio of a letter's width in a smaller LaTeX font to its width in the 10-point font scaled to that
+    /// size.
     cut: f64,
     gap: f64,
 }
@@ -30,7 +30,7 @@ const SIZES: [Size; 4] = [
     Size { command: "\\footnotesize", points: 8.0, cut: 1.063, gap: 4.0 },
     Size { command: "\\scriptsize", points: 7.0, cut: 1.165, gap: 3.0 },
 ];
-/// Smallest width of a LaTeX column whose settings are broken into lines, points.
+/// Smallest width of the settings column in the LaTeX table, points, if settings are broken into lines.
 const NARROWEST_PT: f64 = 70.0;
 
 /// Returns the comparison table as a LaTeX `tabular` (package `booktabs`) of at most `width_pt`, for `\input` in a
@@ -85,8 +85,8 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) 
     Latex { text: text + "\\bottomrule\n\\end{tabular}%\n\\endgroup\n", left_out }
 }
 
-/// Returns the largest font size at which the LaTeX table fits. If it fits only with settings broken into lines, it
-/// also returns the index and width of their column.
+/// Returns the largest font size at which the LaTeX table fits its width. If settings must be broken into lines, also
+/// returns the index and width of their column.
 fn fitted(
     rows: &[Row],
     shown: &[TableColumn],
@@ -120,7 +120,8 @@ fn is_number(shown: &TableColumn, value: &str) -> bool {
     shown.number && value.parse::<f64>().is_ok()
 }
 
-/// Widths of the ASCII letters from the space on, in thousandths of an em, from the metrics of `cmr10` (Knuth 1986).
+/// Widths of the printable ASCII characters in the font `cmr10`, from the space on, in thousandths of an em (Knuth
+/// 1986).
 #[rustfmt::skip]
 const LETTERS: [u16; 95] = [
     334, 278, 500, 833, 500, 833, 778, 278, 389, 389, 500, 778, 278, 333, 278, 500,

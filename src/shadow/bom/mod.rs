@@ -39,15 +39,17 @@ settings! {
     pub struct BoundingOpacityMap {
         /// Number of layers of a bounding opacity map (`K` of Voicu 2011).
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// Division of each texel's depth range, from the start to the end of matter, into the layers of a bounding
-        /// opacity map.
+        /// Rule that divides the depth range of each texel, from the start to the end of matter, into the layers of a
+        /// bounding opacity map.
         split: LayerSplit = split_key("hybrid"),
-        /// Ratio of the hybrid division into layers, from linear (0) to logarithmic (1).
+        /// Weight of logarithmic against linear layer spacing with `split=hybrid`, from 0 (linear) to 1
+        /// (logarithmic).
         ratio: f64 = RATIO_KEY,
-        /// Upper end of the interval `[1, log_size]` over which the logarithmic division into layers takes its
-        /// logarithm.
+        /// Upper end of the interval `[1, log_size]` to which depth is scaled before its logarithm spaces the layers
+        /// of the shadow map.
         log_size: f64 = LOG_SIZE_KEY,
-        /// Criterion by which `split=auto` chooses the layer ratio: correlation or difference of neighbouring layers.
+        /// Criterion by which `split=auto` chooses between linear and logarithmic layer spacing: correlation or
+        /// difference of neighbouring layers.
         measure: Measure = MEASURE_KEY,
         /// Number of bits of each stored depth (start or end of matter in a texel): 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,

@@ -29,7 +29,8 @@ settings! {
     pub struct DensityClusters {
         /// Number of clusters of matter along each light ray (`k` of Mertens et al. 2004).
         clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").in_label().search(&["1", "2", "3", "4", "6", "8", "12", "16"]),
-        /// Number of marches that assign the matter along a light ray to the cluster with the nearest mean depth.
+        /// Number of marches along each light ray; each assigns the matter of the ray to the clusters with the
+        /// nearest mean depths.
         iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean").search(&["1", "2", "4"]),
         /// Number of bits of each stored float of a cluster (mean depth, standard deviation and optical depth): 16 or
         /// 32.

@@ -47,16 +47,18 @@ settings! {
     pub struct DeepOpacityMap {
         /// Number of layers of a deep opacity map (`K` of Yuksel and Keyser 2008).
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// Division of the depth range behind the first matter into the layers of a deep opacity map.
+        /// Rule that divides the depth range behind the first matter into the layers of a deep opacity map.
         split: LayerSplit = split_key("growing"),
-        /// Ratio of the hybrid division into layers, from linear (0) to logarithmic (1).
+        /// Weight of logarithmic against linear layer spacing with `split=hybrid`, from 0 (linear) to 1
+        /// (logarithmic).
         ratio: f64 = RATIO_KEY,
-        /// Upper end of the interval `[1, log_size]` over which the logarithmic division into layers takes its
-        /// logarithm.
+        /// Upper end of the interval `[1, log_size]` to which depth is scaled before its logarithm spaces the layers
+        /// of the shadow map.
         log_size: f64 = LOG_SIZE_KEY,
-        /// Criterion by which `split=auto` chooses the layer ratio: correlation or difference of neighbouring layers.
+        /// Criterion by which `split=auto` chooses between linear and logarithmic layer spacing: correlation or
+        /// difference of neighbouring layers.
         measure: Measure = MEASURE_KEY,
-        /// Total depth of the layers of a deep opacity map (`d_K`), as a share of the map's depth range.
+        /// Total thickness of all layers of a deep opacity map (`d_K`), as a share of the map's depth range.
         spread: f64 = Key::number(
             [0.001, 1.0],
             "0.25",

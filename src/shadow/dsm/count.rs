@@ -8,7 +8,8 @@ use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
 use crate::shadow::method::ShadowMap;
 use ndarray::Array2;
 
-/// Number of deep shadow map texels whose nodes one dispatch counts; it limits the size of buffers.
+/// Largest number of deep shadow map texels whose curve nodes one GPU dispatch counts; it limits the size of the
+/// buffers.
 const TEXELS_AT_ONCE: usize = 1 << 22;
 
 /// Number of curve nodes in each texel of a deep shadow map, and which tiles of the map are stored.
@@ -35,8 +36,8 @@ impl NodeMap {
         Ok(Self { nodes, stored })
     }
 
-    /// Returns the largest number of curve nodes of any texel in each tile of the deep shadow map (the layers of a
-    /// block in Hadwiger et al. 2006).
+    /// Returns, for each tile of the deep shadow map, the largest number of curve nodes in one of its texels (the
+    /// layers of a block in Hadwiger et al. 2006).
     pub fn most_by_tile(&self) -> Array2<u32> {
         let tile = TILE as usize;
         let mut most = Array2::zeros(self.stored.dim());

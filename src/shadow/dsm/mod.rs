@@ -5,22 +5,24 @@
 //!
 //! Deviations from the paper, and why:
 //! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven curve nodes and a
-//!   link. Every texel of a tile with active bricks has a first row. Further rows come from a pool that all tiles
-//!   share, so that one long texel does not lengthen its whole tile. If the pool is too small, it grows, and the
-//!   tiles that lack rows are built again.
+//!   link. Every texel of a tile that meets extinction has a first row. Further rows come from a pool that all tiles
+//!   share, so that one texel with many nodes does not enlarge its whole tile. If the pool is too small, it grows,
+//!   and the tiles that lack rows are built again.
 //! * Light rays are marched cell by cell instead of at regular steps. Inside a cell the value along a ray is a cubic,
-//!   and the pre-compressed table gives the values at which extinction bends, so that no peak is missed.
-//!   `march=samples` takes the paper's steps, with the integrals of extinction between two of them.
-//! * The stored slope is at most zero, which never leaves the error window: the stored curve is monotone.
+//!   and the pre-compressed transfer-function table gives the values at which extinction bends, so that no peak is
+//!   missed. `march=samples` takes the paper's regular steps, with the integrals of extinction between them.
+//! * The slope of a stored line segment is at most zero, so that stored transmittance never rises with depth. This
+//!   stays within the error bound.
 //! * `filter=bilinear` aligns the four transmittance curves at their first depths, if these are close enough to be
 //!   one surface, before it averages them: otherwise slanted lit surfaces shadow themselves. Rays through texel
 //!   centres, and so the error bound, do not depend on it.
 //! * A curve node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
 //! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a
 //!   piecewise linear function*; 1988, *Polygonal approximations of a curve*) among the curves that begin with
-//!   extinction, stay within `epsilon` of the marched polyline, and are level behind their last node. This is exact
-//!   for hulls of up to 10 corners. For larger hulls the tunnel is narrowed, which satisfies the error bound.
-//!   `docs/bound.md` has the proof, `tests/gpu/tunnel.rs` the distance from the minimum.
+//!   extinction, stay within `epsilon` of the marched polyline, and are level behind their last node. The number of
+//!   nodes is the minimum if the algorithm's convex hulls have up to 10 corners. For larger hulls the allowed error
+//!   is reduced, so that the bound holds. `docs/bound.md` has the proof; `tests/gpu/tunnel.rs` measures how far from
+//!   the minimum the number is.
 //! * `precompress=off` takes point samples of extinction at regular steps, as the paper's Figure 3 (left).
 
 mod count;
@@ -48,14 +50,15 @@ use bytemuck::{Pod, Zeroable};
 
 /// Transmittance at which the march of a light ray ends (`exp(-OPAQUE_DEPTH)` of the shaders).
 const RAY_END: f64 = 1.0 / 2048.0;
-/// Error in transmittance from rounding it to 16 bits at both nodes of a line segment.
+/// Bound on the error from rounding the transmittances at both ends of a line segment of a deep shadow map to 16
+/// bits.
 const STORAGE: f64 = 1.0 / 65535.0;
 
 choices! {
-    /// Compression of the transmittance curve of a light ray to the nodes of a piecewise linear curve.
+    /// Algorithm that compresses the transmittance curve of a light ray to a piecewise linear curve of few nodes.
     pub enum Compress {
-        /// Greedy compression of a transmittance curve (Lokovic and Veach 2000): line by line, each from the end of
-        /// the last and as long as the error bound allows.
+        /// Greedy compression of a transmittance curve (Lokovic and Veach 2000): each line segment starts at the end
+        /// of the last one, and is as long as the error bound allows.
         Greedy = "greedy",
         /// Compression of a transmittance curve to the fewest nodes within the error bound (Imai and Iri 1986); nodes
         /// need not lie on the curve.
@@ -64,11 +67,12 @@ choices! {
 }
 
 choices! {
-    /// Use of the pre-compressed transfer-function table (Hadwiger et al. 2006) by the march of light rays.
+    /// Way in which a march of light rays evaluates extinction: with the pre-compressed transfer-function table of
+    /// Hadwiger et al. 2006, or without it.
     pub enum Precompress {
-        /// Light rays are integrated with the pre-compressed transfer-function table.
+        /// Integrates extinction along light rays with the pre-compressed transfer-function table.
         Table = "table",
-        /// Light rays take point samples of extinction at regular steps, without the pre-compressed table.
+        /// Takes point samples of extinction along light rays at regular steps, without the pre-compressed table.
         Off = "off",
     }
 }
@@ -82,14 +86,14 @@ settings! {
             .in_label()
             .coarse("0.05")
             .search(&["0.2", "0.1", "0.06", "0.04", "0.02", "0.01", "0.005", "0.002"]),
-        /// Compression of the transmittance curve of a light ray to the nodes of a piecewise linear curve.
+        /// Algorithm that compresses the transmittance curve of a light ray to a piecewise linear curve of few nodes.
         compress: Compress = Key::choice(
             Compress::NAMES,
             "greedy",
             "lines from node to node (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
-        /// Occluder that casts the shadows: the voxels of the volume, or the line segments of the strands that it was
-        /// made from.
+        /// Geometry that casts the shadows: the voxels of the volume, or the strands (line segments of hair or
+        /// fibres) from which the volume was made.
         from: DrawnFrom = FROM_KEY,
         /// Number of sub-texel light rays whose mean transmittance a shadow map texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
@@ -104,11 +108,13 @@ settings! {
             "pre-compressed transfer-function table, or regular point samples",
         )
         .when(UNLESS_LINES),
-        /// March of light rays: cell by cell and exact, or by samples at regular distances.
+        /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
+        /// distances.
         march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
         /// Number of shadow map texels per side; `None` if chosen from the scene.
         map: Option<u32> = MAP_KEY,
-        /// Region that the shadow map covers: the visible bricks with extinction, or all bricks with extinction.
+        /// Region that the shadow map covers: the bricks (blocks of voxels) with extinction that the camera sees, or
+        /// all bricks with extinction.
         fit: Fit = FIT_KEY,
         /// Interpolation between the shadow map texels around a point: nearest or bilinear.
         filter: Filter = FILTER_KEY,
@@ -119,8 +125,8 @@ settings! {
             "0.5",
             "regular light step, in smallest spacings (march=samples, precompress=off, prefilter)",
         ),
-        /// Offset added to a point's depth from the light before its transmittance is queried, in units of the
-        /// smallest voxel spacing.
+        /// Offset (bias) added to the depth of a point, as seen from the light, before its transmittance is queried;
+        /// in units of the smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
@@ -155,7 +161,8 @@ struct DsmParams {
     padding: [f32; 3],
 }
 
-/// Counters that the build of a deep shadow map updates; mirrors struct `Counters` in `shaders/shadow/dsm/rows.wgsl`.
+/// Counts of curve nodes, rows and texels that the GPU adds up while it builds a deep shadow map; mirrors struct
+/// `Counters` in `shaders/shadow/dsm/rows.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Counters {
@@ -262,8 +269,8 @@ impl DeepShadowMap {
         }
     }
 
-    /// Builds the given tiles of a deep shadow map (`None` for all) into the pool of node rows; `counters` holds the
-    /// number of rows in use.
+    /// Builds the given tiles of a deep shadow map (`None` for all), and stores their curve nodes as rows in a
+    /// texture; `counters` holds the number of rows in use.
     fn fill(
         &self,
         context: &BuildContext<'_>,
@@ -300,7 +307,8 @@ impl DeepShadowMap {
     }
 }
 
-/// Creates the pool of node rows of a deep shadow map: at least `rows` rows, in whole lines of the texture.
+/// Creates the texture that stores the rows of curve nodes of a deep shadow map: at least `rows` rows, in whole lines
+/// of texels.
 fn create_pool(gpu: &Gpu, params: &mut DsmParams, rows: u32) -> Result<wgpu::TextureView> {
     params.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
     let size = [NODE_TEXTURE_WIDTH, params.pool_rows / (NODE_TEXTURE_WIDTH / 2)];

@@ -33,7 +33,7 @@ const TEXEL_LOOKUP: &[&str] =
 choices! {
     /// Weights of the terms of the Fourier series in a Fourier opacity map.
     pub enum Damping {
-        /// Weight 1 for every term of the Fourier series, as in the paper.
+        /// Weight 1 for every term of the Fourier series, as in Jansen and Bavoil 2010.
         None = "none",
         /// Lanczos sigma factors as weights of the Fourier terms, which reduce ringing.
         Lanczos = "lanczos",

@@ -1,5 +1,5 @@
-//! Division of a texel's depth range into the layers of `dom` and `bom` shadow maps, and builds that choose the
-//! division first.
+//! Rules by which `dom` and `bom` shadow maps divide the depth range of a texel into layers. Some rules derive a
+//! ratio of linear to logarithmic layers from the volume before the build.
 
 use super::ratio::{self, Measure, REGION_TEXELS, all_splits, choose, choose_by_region, hybrid};
 use super::{Built, LayeredMap, NO_DEPTH_PASS, Split};
@@ -10,7 +10,7 @@ use crate::shadow::method::PassLeftOut;
 use crate::shadow::settings::{Key, When, choices};
 
 choices! {
-    /// Division of a texel's depth range into the layers of a deep or bounding opacity map.
+    /// Rule that divides the depth range of a texel into the layers of a deep or bounding opacity map.
     pub enum LayerSplit {
         /// Divides the depth range of a texel into layers of equal thickness.
         Linear = "linear",
@@ -18,17 +18,18 @@ choices! {
         Growing = "growing",
         /// Places layers evenly in the logarithm of depth, so that the first layers are the thinnest.
         Log = "log",
-        /// Blends the linear and the logarithmic division into layers by the ratio in the setting `ratio`.
+        /// Blends linear and logarithmic layer spacing by the weight in the setting `ratio`.
         Hybrid = "hybrid",
-        /// Blends the linear and the logarithmic division into layers by one ratio, chosen for the whole shadow map.
+        /// Blends linear and logarithmic layer spacing by one weight, chosen automatically for the whole shadow map.
         Auto = "auto",
-        /// Blends the linear and the logarithmic division into layers by a ratio chosen for each region of the shadow
+        /// Blends linear and logarithmic layer spacing by a weight chosen automatically for each region of the shadow
         /// map.
         Texel = "texel",
     }
 }
 
-/// Returns the setting `split`: division of a texel's depth range into layers. Methods differ in its default.
+/// Returns the description of the setting `split` (rule that divides a texel's depth range into layers) with a shadow
+/// method's default value.
 pub const fn split_key(default: &'static str) -> Key {
     Key::choice(
         LayerSplit::NAMES,
@@ -60,7 +61,7 @@ pub const MEASURE_KEY: Key = Key::choice(
 const NO_SEARCH: PassLeftOut =
     PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
 
-/// Number of layers of a deep or bounding opacity map, and the division of the depth range into them.
+/// Number of layers of a deep or bounding opacity map, and the rule that divides depth into them.
 #[derive(Debug, Clone, Copy)]
 pub struct Layering {
     pub layers: u32,
@@ -71,7 +72,8 @@ pub struct Layering {
 }
 
 impl Layering {
-    /// Returns the division into layers; `None` if a search must choose its ratio.
+    /// Returns the division of depth into layers; `None` if the ratio of linear to logarithmic layers must be
+    /// searched first.
     fn plain(&self) -> Option<Split> {
         match self.split {
             LayerSplit::Linear => Some(Split::Power(1.0)),
@@ -87,7 +89,7 @@ impl Layering {
         self.split == LayerSplit::Texel && self.layers > 1
     }
 
-    /// Returns a division into layers that selects the same shaders as the division that a build will choose.
+    /// Returns a division of depth into layers that selects the same shaders as the division of the later build.
     pub fn any(&self) -> Split {
         self.plain().unwrap_or(Split::Tables(Vec::new()))
     }
@@ -99,7 +101,8 @@ impl Layering {
         passes
     }
 
-    /// Builds a layered shadow map, and first chooses its division into layers if necessary.
+    /// Builds a layered shadow map (`dom` or `bom`), and first chooses its division of depth into layers if the
+    /// settings ask for it.
     ///
     /// # Errors
     /// A shadow map that is too large for the graphics adapter.

@@ -2,13 +2,13 @@
 //!
 //! All three store the optical depth at planes across the light ray of each texel, and interpolate linearly between
 //! them. They differ in the positions of the planes. They share one build (`shaders/shadow/layered/build.wgsl`, a
-//! thread for each texel, which cuts the segments of the light ray at the planes), one packing ([`record::Record`])
-//! and the splits of a depth range into layers ([`split::Split`]). `dom` and `bom` also share the choice of a split
-//! ([`layering::Layering`]).
+//! thread for each texel, which cuts the segments of the light ray at the planes), one memory layout of texels
+//! ([`record::Record`]) and the divisions of a depth range into layers ([`split::Split`]). `dom` and `bom` also share
+//! the choice of a division ([`layering::Layering`]).
 //!
 //! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along the
 //! light ray. Filters average `Ω`, as theirs do. The layers of a texel lie side by side, since a query for
-//! transmittance reads two neighbouring ones. Tiles without active bricks are not stored.
+//! transmittance reads two neighbouring ones. Tiles of the map without extinction are not stored.
 //!
 //! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` in 8 bits, which keeps means of `Ω` steady. If the
 //! optical depths of neighbouring texels differ by `D`, rounded texel coordinates (1e-6 to 1e-5 of a texel) move the
@@ -42,15 +42,15 @@ use crate::gpu::{
 use bytemuck::{Pod, Zeroable};
 use record::RECORD_TEXTURE_WIDTH;
 
-/// Skipped depth pass of the `dom` and `bom` papers: the march of a light ray finds the start of matter before the
-/// layers.
+/// Depth pass of the `dom` and `bom` papers, which is skipped: the march of a light ray finds the start of matter by
+/// itself.
 const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
     why: "the march meets the start before the layers",
     optional: Some(Optimization::DepthPass),
 };
 
-/// Smallest and largest number of layers of a layered shadow map.
+/// Smallest and largest number of layers that a layered shadow map (`osm`, `dom` or `bom`) may have.
 pub(super) const LAYERS: [u32; 2] = [1, 512];
 pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
@@ -93,17 +93,17 @@ const READ: &str = "shadow/layered/read.wgsl";
 pub(super) struct LayeredMap {
     pub record: Record,
     pub split: Split,
-    /// Depth that all layers of the shadow map span where texels store no end depth, as a share of the map's depth
-    /// range.
+    /// Total thickness of a texel's layers, as a share of the shadow map's depth range, unless the texel stores the
+    /// depth at which its matter ends.
     pub reach: f64,
-    /// Whether the last layer of the shadow map also contains the matter behind it.
+    /// Whether the last layer of the shadow map also contains all matter behind it.
     pub last_takes_rest: bool,
     pub filter: Filter,
-    /// Quantity that filters and kernels average among shadow map texels: optical depth or transmittance.
+    /// Quantity that a transmittance query averages among shadow map texels: optical depth or transmittance.
     pub average: Average,
-    /// Number of shadow map texels per side that a transmittance query averages.
+    /// Width, in texels, of the square of shadow map texels over which a transmittance query averages.
     pub kernel: u32,
-    /// Size and coverage of the shadow map, and march of its light rays.
+    /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
     pub shape: MapShape,
 }
 
@@ -138,24 +138,27 @@ pub(super) struct Built<'a> {
     records: wgpu::TextureView,
 }
 
-/// Returns a shader variant with the memory layout of layered shadow maps.
+/// Returns the shader with the given entry file, together with the code for the memory layout of layered shadow maps.
 pub(super) fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry).with_tile_table().modules(&["shadow/layered/layout.wgsl"]).constants(CONSTANTS)
 }
 
-/// Returns the shader of the depth pass in the `dom` and `bom` papers, whose result is not used.
+/// Returns the shader of the depth pass in the papers of `dom` and `bom`. It runs only on request, since nothing
+/// reads its result.
 fn depth_pass_shader(march: March) -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
     start.with_march(march, "shadow/layered/start_sink.wgsl")
 }
 
 impl LayeredMap {
-    /// Returns a shader variant that reads the stored texels of a layered shadow map.
+    /// Returns the shader with the given entry file, together with the code that reads the texels of a layered shadow
+    /// map.
     pub fn read_shader(&self, entry: &'static str) -> ShaderVariant {
         shader(entry).modules(&[READ]).defs(self.record.read_defs()).defs(self.split.def())
     }
 
-    /// Returns the transmittance query of a layered shadow map, implemented by the given shader module.
+    /// Returns the shader code of a layered shadow map's transmittance query, which the given shader module
+    /// implements.
     pub fn lookup(&self, module: &'static str) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
@@ -195,8 +198,8 @@ impl LayeredMap {
         }
     }
 
-    /// Returns the size and values of the texture that tabulates divisions into layers, two rows each; `None` if no
-    /// division is tabulated.
+    /// Returns the size and contents of the texture that holds tabulated divisions of depth into layers, two rows
+    /// each; `None` if a formula gives the division.
     fn split_rows(&self) -> Option<([u32; 2], Vec<f32>)> {
         let Split::Tables(splits) = &self.split else { return None };
         let width = (SPLIT_BINS + 1).max(self.record.layers as usize + 1);
@@ -208,8 +211,8 @@ impl LayeredMap {
         Some(([width as u32, 2 * splits.len() as u32], values))
     }
 
-    /// Builds a layered shadow map. The first word of `stage` counts the texels whose light ray meets matter, the
-    /// others are the layer divisions of regions. `stage` is `None` if texels have no division of their own.
+    /// Builds a layered shadow map. The buffer `stage` receives the number of texels whose light ray meets matter,
+    /// and holds the layer divisions of regions of the map. `stage` is `None` if all texels share one division.
     ///
     /// # Errors
     /// A shadow map that is too large for the graphics adapter.
@@ -273,8 +276,8 @@ impl LayeredMap {
 }
 
 impl Built<'_> {
-    /// Returns the bindings of shader group 1; the first is the texture of texel records, which a build does not
-    /// read.
+    /// Returns the resources that shaders bind in group 1. The first is the texture of stored shadow map texels,
+    /// which a build does not read.
     fn slots(&self, context: &BuildContext<'_>) -> Vec<(u32, Slot<'_>)> {
         let mut slots = vec![(3, Slot::words(&self.records)), (1, context.kernels.uniform(&self.params))];
         slots.extend(self.splits.as_ref().map(|splits| (4, Slot::floats(splits))));
@@ -286,14 +289,15 @@ impl Built<'_> {
         self.tiles.group("layered map", &self.slots(context))
     }
 
-    /// Adds the device time of a pass that ran before the build of the shadow map.
+    /// Adds the GPU time of a pass that ran before the build to the build time of the layered shadow map.
     pub fn after(&mut self, before: Option<Span>) {
         if let (Some(build), Some(before)) = (self.report.device, before) {
             self.report.device = Some(before.plus(build));
         }
     }
 
-    /// Completes the layered shadow map with the name and transmittance query of its method.
+    /// Turns the built layered shadow map into the finished shadow map of a method, with the method's name and
+    /// transmittance query.
     pub fn into_map(self, context: &BuildContext<'_>, method: &dyn Method) -> ShadowMap {
         ShadowMap {
             method: method.name(),

@@ -1,9 +1,9 @@
-//! Choice of the ratio between linear and logarithmic division into layers (Voicu 2011, 5.2.3, 5.2.4 and 7), for
-//! shadow maps whose layers begin with matter.
+//! Choice of the ratio of linear to logarithmic layers (Voicu 2011, 5.2.3, 5.2.4 and 7) for `dom` and `bom` shadow
+//! maps.
 //!
-//! The thesis renders the shadow map with each of eleven ratios, reads the images back and compares neighbouring
-//! ones. Here a coarse shadow map with many layers approximates the exact curves. The device sums over its texels,
-//! and only the sums are read back (16 bytes for each layer and ratio).
+//! The thesis renders the shadow map with each of eleven ratios, reads the images of the layers back and compares
+//! those of neighbouring layers. Here a coarse shadow map with many layers approximates the exact transmittance
+//! curves. The device sums over its texels, and only the sums are read back (16 bytes for each layer and ratio).
 
 use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
 use crate::error::Result;
@@ -13,22 +13,25 @@ use crate::shadow::keys::Filter;
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::choices;
 
-/// Number of candidate ratios 0, 0.1, ... 1 between linear and logarithmic division into layers.
+/// Number of candidate ratios 0, 0.1, ... 1 between linear and logarithmic layers that the search for the best ratio
+/// compares.
 pub const RATIOS: u32 = 11;
-/// Number of layers of the coarse shadow map from which a ratio is chosen, and its texels per side if one ratio
-/// serves the whole map.
+/// Number of layers of the coarse shadow map from which the ratio of linear to logarithmic layers is chosen.
 const CURVE_LAYERS: u32 = 128;
+/// Number of texels per side of the coarse shadow map from which one ratio of linear to logarithmic layers is chosen
+/// for a whole shadow map.
 const CURVE_MAP: u32 = 64;
-/// Upper end of the interval over which the coarse shadow map's logarithmic division into layers takes its logarithm.
+/// Upper end of the interval `[1, N]` to which depth is scaled before its logarithm spaces the layers of the coarse
+/// shadow map.
 const CURVE_LOG_SIZE: f64 = 256.0;
-/// Number of shadow map texels per side of a region that has its own ratio of layer division.
+/// Width, in shadow map texels, of the square regions with a ratio of linear to logarithmic layers of their own.
 pub const REGION_TEXELS: u32 = 4;
 
 choices! {
-    /// Criterion by which the ratio between linear and logarithmic division into layers is chosen.
+    /// Criterion by which the ratio of linear to logarithmic layers is chosen for a shadow map.
     pub enum Measure {
-        /// Chooses the ratio with the least correlation between neighbouring layers (Voicu 2011, Equation 5.2.3.1),
-        /// averaged over all pairs.
+        /// Chooses the ratio of linear to logarithmic layers at which neighbouring layers are least correlated (Voicu
+        /// 2011, Equation 5.2.3.1), averaged over all pairs.
         Correlation = "correlation",
         /// Chooses the ratio with the greatest sum of absolute differences between neighbouring layers. Opacity never
         /// falls from one plane to the next, so this sum telescopes: the ratio with the least opacity in the first
@@ -38,8 +41,8 @@ choices! {
     }
 }
 
-/// Returns the division into layers at a ratio from linear (0) to logarithmic (1); the logarithm runs over `[1,
-/// log_size]`.
+/// Returns the division of depth into layers at a ratio from linear (0) to logarithmic (1). The logarithm is taken
+/// over `[1, log_size]`.
 pub fn hybrid(ratio: f64, log_size: f64) -> SplitTable {
     let log = |x: f64| (1.0 + (log_size - 1.0) * x).log2() / log_size.log2();
     SplitTable::of(|x| (1.0 - ratio) * x + ratio * log(x))
@@ -49,13 +52,13 @@ fn ratio_of(row: u32) -> f64 {
     f64::from(row) / f64::from(RATIOS - 1)
 }
 
-/// Returns the divisions into layers of all candidate ratios.
+/// Returns the divisions of depth into layers at all candidate ratios, from linear (0) to logarithmic (1).
 pub fn all_splits(log_size: f64) -> Vec<SplitTable> {
     (0..RATIOS).map(|row| hybrid(ratio_of(row), log_size)).collect()
 }
 
-/// Returns a coarse shadow map that approximates the exact transmittance curves over the depth ranges of the final
-/// map.
+/// Returns the description of a coarse shadow map with many layers. It approximates the exact transmittance curves in
+/// the depth ranges of the final shadow map.
 fn coarse_map(map: &LayeredMap) -> LayeredMap {
     let depths = map.record.depths;
     LayeredMap {
@@ -76,7 +79,8 @@ fn curves<'a>(context: &BuildContext<'a>, layered_map: &LayeredMap, map: u32) ->
     coarse_map(layered_map).build(context, TileMarch::fit(context, shape)?, None)
 }
 
-/// Returns the shader passes that search for the layer ratio: one for a whole shadow map, one by region.
+/// Returns the two shaders that search for the best ratio of linear to logarithmic layers: one for a whole shadow
+/// map, one for each region of it.
 pub fn shaders(layered_map: &LayeredMap) -> [ShaderVariant; 2] {
     let constants = [Constant::unsigned("RATIOS", RATIOS)];
     let whole = coarse_map(layered_map).read_shader("shadow/layered/ratio.wgsl").constants(&constants);
@@ -105,13 +109,14 @@ fn pass(
     context.run("split ratio", shader, groups, [across, down, 1])
 }
 
-/// Returns the device time of the coarse shadow map and of the search for the layer ratio.
+/// Returns the GPU time taken to choose a ratio of linear to logarithmic layers: build of the coarse shadow map, and
+/// search.
 fn device_time(built: &Built<'_>, search: Span) -> Span {
     built.report.device.map_or(search, |build| build.plus(search))
 }
 
-/// Chooses one layer ratio for a whole shadow map. Returns the ratio's index, the choice for the build report, and
-/// the device time.
+/// Chooses one ratio of linear to logarithmic layers for a whole shadow map. Returns the index of the ratio, its
+/// entry in the build report, and the GPU time of the search.
 pub fn choose(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
@@ -129,8 +134,8 @@ pub fn choose(
     Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, device_time(&curves, span)))
 }
 
-/// Chooses the layer ratio of every region of a shadow map. Returns the ratios in the buffer that the build reads,
-/// and the device time.
+/// Chooses a ratio of linear to logarithmic layers for every region of a shadow map. Returns a buffer with the ratios
+/// for the build, and the GPU time of the search.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
@@ -154,9 +159,9 @@ pub fn choose_by_region(
     Ok((stage, device_time(&curves, span)))
 }
 
-/// Returns the index of the best layer ratio, and the mean correlation of its neighbouring layers. `sums` holds, for
-/// each ratio and layer, the sums over all texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`, where `I_k`
-/// is the image of layer `k`. Of equally good ratios the most linear wins.
+/// Returns the index of the best ratio of linear to logarithmic layers, and the mean correlation of neighbouring
+/// layers at it. `sums` holds, for each ratio and layer, the sums over all texels of `I_k`, `I_k^2`, `I_k I_(k+1)`
+/// and `|I_(k+1) - I_k|`, where `I_k` is the opacity image of layer `k`. Of equally good ratios the most linear wins.
 fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32, f64) {
     let mut best = (0, 1.0, f64::INFINITY);
     for (row, sums) in (0..).zip(sums.chunks(layers)) {
@@ -179,8 +184,8 @@ fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32
     (best.0, best.1)
 }
 
-/// Returns the correlation of two layer images from sums accumulated in one pass (Voicu 2011, 5.2.4); 1 for images
-/// without contrast.
+/// Returns the correlation of the opacity images of two shadow map layers, from sums over their texels (Voicu 2011,
+/// 5.2.4); 1 for images without contrast.
 fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
     let [sum_a, square_a, product, _] = a.map(f64::from);
     let [sum_b, square_b, ..] = b.map(f64::from);
@@ -193,7 +198,8 @@ fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Computes the sums over layer images that the search shader accumulates, from `images[ratio][layer][texel]`.
+    /// Computes on the CPU the sums over layer images that the search shader computes, from
+    /// `images[ratio][layer][texel]`.
     fn sums(images: &[Vec<Vec<f32>>]) -> Vec<[f32; 4]> {
         let of = |layers: &Vec<Vec<f32>>, k: usize| {
             let next = &layers[(k + 1).min(layers.len() - 1)];

@@ -1,25 +1,28 @@
 //! Packing of a layered shadow map's texels into memory, as in `shaders/shadow/layered/layout.wgsl`.
 
-/// Width in texels of the texture that stores the texel records of a layered shadow map.
+/// Width, in its own texels, of the GPU texture that stores the texels of a layered shadow map.
 pub const RECORD_TEXTURE_WIDTH: u32 = 8192;
 
-/// Memory layout of one texel of a layered shadow map: depths and index of its layer division, then one slot for each
-/// layer.
+/// Memory layout of one texel of a layered shadow map: first its depths and the index of its layer division, then one
+/// optical depth for each layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Record {
     pub layers: u32,
-    /// Number of bits of each layer's stored optical depth: 8 (a share of `kappa`), 16 or 32 (floats).
+    /// Number of bits of the optical depth stored for each layer of the shadow map: 8 (a share of `kappa`), 16 or 32
+    /// (floats).
     pub bits: u32,
     /// Number of depths stored in a shadow map texel: 0, 1 (start of matter) or 2 (start and end).
     pub depths: u32,
-    /// Number of bits of a stored depth: 8 or 16 (steps of the map's depth range) or 32 (float, mm).
+    /// Number of bits of each depth stored in a shadow map texel: 8 or 16 (steps of the map's depth range) or 32
+    /// (float, mm).
     pub depth_bits: u32,
-    /// Whether each shadow map texel stores the index of its own layer division, in 8 bits.
+    /// Whether each shadow map texel stores the index of its own division of depth into layers, in 8 bits.
     pub own_split: bool,
 }
 
 impl Record {
-    /// Returns the index of the first slot of a texel record that holds a layer; the slots before hold depths.
+    /// Returns the index of the first layer's entry in the stored data of a shadow map texel; the entries before it
+    /// hold depths and the layer division.
     pub fn first_slot(self) -> u32 {
         (self.depths * self.depth_bits + 8 * u32::from(self.own_split)).div_ceil(self.bits)
     }
@@ -29,14 +32,15 @@ impl Record {
     }
 
     /// Returns the number of 32-bit words in one texel of the storage texture: the largest of 4, 2 and 1 that divides
-    /// a texel record. It is at least the size of the record's header, which is read at once.
+    /// the data of a shadow map texel. It is raised if the depths at the start of the data, which are read at once,
+    /// need more.
     pub fn block_words(self) -> u32 {
         let header = (self.first_slot() * self.bits).div_ceil(32).next_power_of_two();
         let fits = |words: &u32| self.words().is_multiple_of(*words);
         [4, 2, 1].into_iter().find(fits).unwrap_or(1).max(header)
     }
 
-    /// Returns the number of storage texture texels that one shadow map texel takes.
+    /// Returns the number of texels of the storage texture that one shadow map texel occupies.
     pub fn blocks(self) -> u32 {
         self.words().div_ceil(self.block_words())
     }
@@ -45,8 +49,8 @@ impl Record {
         4 * u64::from(self.block_words()) * u64::from(self.blocks())
     }
 
-    /// Returns the storage texture's format of unsigned integers. Storage textures of WebGPU have no single channels
-    /// of 8 or 16 bits, and the texture is not filtered by hardware.
+    /// Returns the format of the texture that stores a layered shadow map: 32-bit unsigned integers. Storage textures
+    /// of WebGPU have no single channels of 8 or 16 bits, and hardware does not filter this texture.
     pub fn format(self) -> wgpu::TextureFormat {
         match self.block_words() {
             1 => wgpu::TextureFormat::R32Uint,
@@ -55,14 +59,15 @@ impl Record {
         }
     }
 
-    /// Returns the size of a storage texture with room for `records` shadow map texels; at least one line.
+    /// Returns the width and height of a texture that can store `records` shadow map texels; at least one line of
+    /// texels.
     pub fn texture_size(self, records: u64) -> [u32; 2] {
         let blocks = (records * u64::from(self.blocks())).max(1);
         let lines = blocks.div_ceil(u64::from(RECORD_TEXTURE_WIDTH));
         [RECORD_TEXTURE_WIDTH, u32::try_from(lines).unwrap_or(u32::MAX)]
     }
 
-    /// Returns the size in bytes of the storage texture for `records` shadow map texels.
+    /// Returns the size in bytes of the texture that stores `records` shadow map texels.
     pub fn texture_bytes(self, records: u64) -> u64 {
         let [width, height] = self.texture_size(records);
         u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())
@@ -93,7 +98,8 @@ impl Record {
         defs
     }
 
-    /// Returns the number of quantization steps of stored depths over the map's depth range; 1 for floats.
+    /// Returns the number of quantization steps of stored depths over the shadow map's depth range; 1 if depths are
+    /// floats.
     pub fn depth_steps(self) -> f64 {
         // The stored value 0 stands for a texel without matter, the largest value for the end of the range.
         if self.depth_bits < 32 { (1_u64 << self.depth_bits) as f64 - 2.0 } else { 1.0 }

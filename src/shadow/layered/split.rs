@@ -1,21 +1,22 @@
-//! Positions of the planes that separate the layers of a shadow map, as shares of the layers' depth range.
+//! Positions of the planes between the layers of a shadow map, as shares of the layers' total depth range.
 
-/// Number of depth bins of a tabulated division into layers.
+/// Number of depth bins of a table that divides a depth range into the layers of a shadow map.
 pub const SPLIT_BINS: usize = 1024;
 
-/// Division of a depth range into the layers of a shadow map.
+/// Rule that divides a depth range into the layers of a shadow map: a formula or tables.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Split {
-    /// Places plane `k` of `K` layers at the share `(k / K)^exponent` of the depth range.
+    /// Places plane `k` between `K` layers of the shadow map at the share `(k / K)^exponent` of the depth range.
     Power(f64),
     /// Makes the k-th layer of the shadow map k times as thick as the first.
     Growing,
-    /// Tabulated divisions into layers, from which a shadow map or one of its texels selects one.
+    /// Tables of layer positions over depth. A shadow map uses one table, or each of its texels selects one.
     Tables(Vec<SplitTable>),
 }
 
 impl Split {
-    /// Returns the preprocessor definition with which shaders use this division into layers.
+    /// Returns the shader preprocessor definition that selects this rule of dividing depth into layers; `None` for
+    /// the shaders' default rule.
     pub fn def(&self) -> Option<&'static str> {
         match self {
             Self::Power(_) => None,
@@ -25,18 +26,20 @@ impl Split {
     }
 }
 
-/// Tabulated division into layers: the share of the layers in front of each of `SPLIT_BINS + 1` evenly spaced depths.
+/// Table that divides a depth range into the layers of a shadow map: the share of the layers in front of each of
+/// `SPLIT_BINS + 1` evenly spaced depths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitTable(Vec<f64>);
 
 impl SplitTable {
-    /// Tabulates a division into layers, given as a function that rises from 0 at depth 0 to 1 at depth 1.
+    /// Tabulates a division of depth into layers from a function of depth. The function is the share of the layers in
+    /// front of a depth; it rises from 0 at depth 0 to 1 at depth 1.
     pub fn of(share_of_layers: impl Fn(f64) -> f64) -> Self {
         Self((0..=SPLIT_BINS).map(|i| share_of_layers(i as f64 / SPLIT_BINS as f64)).collect())
     }
 
-    /// Places the planes between layers at equal shares of a mass that is given for each depth bin; evenly spaced
-    /// without mass.
+    /// Divides a depth range into layers with equal shares of the optical mass that `mass` holds for each depth bin.
+    /// Layers are equally thick if all mass is 0.
     pub fn of_mass(mass: &[u32]) -> Self {
         let total: f64 = mass.iter().map(|m| f64::from(*m)).sum();
         if total == 0.0 || mass.len() != SPLIT_BINS {
@@ -51,14 +54,16 @@ impl SplitTable {
         Self(shares)
     }
 
-    /// Returns the layer coordinates at the edges of the depth bins, and the depths of planes 0 to `layers`.
+    /// Returns two texture rows for shaders: the fractional layer index at each edge of a depth bin, and the depth of
+    /// each plane between layers.
     pub fn rows(&self, layers: u32) -> [Vec<f32>; 2] {
         let count = f64::from(layers);
         let coordinates = self.0.iter().map(|s| (s * count) as f32).collect();
         [coordinates, (0..=layers).map(|k| self.plane(f64::from(k) / count) as f32).collect()]
     }
 
-    /// Returns the depth in front of which the given share of the layers lies.
+    /// Returns the depth in front of which the given share of the shadow map's layers lies, as a share of their depth
+    /// range.
     fn plane(&self, share: f64) -> f64 {
         let bins = SPLIT_BINS as f64;
         if share <= 0.0 {

@@ -1,4 +1,5 @@
-//! Lattice of a light volume: positions of nodes, blocks of nodes for a gather build, and slices of a sweep build.
+//! Lattice of a light volume (grid of light values): positions of its nodes, and the blocks or slices of nodes that a
+//! build computes at a time.
 
 use crate::field::{ActiveBricks, BuildContext, grid_from_world};
 use crate::scene::Light;
@@ -6,16 +7,16 @@ use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec3};
 
-/// Number of light volume nodes per side of a block, which one workgroup of a gather build computes.
+/// Width in nodes of the cubic blocks of a light volume that one GPU workgroup computes (`build=gather`).
 pub const BLOCK: u32 = 4;
-/// Number of bits of a block's coordinate along one axis of the light volume.
+/// Number of bits for each axis in the packed coordinates of a block of light volume nodes.
 const BLOCK_BITS: u32 = 10;
 
-/// Lattice of the nodes of a light volume, `scale` voxels apart along each axis, over the box of all bricks with
-/// extinction. It has at least two nodes along each axis.
+/// Lattice of the nodes of a light volume, `scale` voxels apart along each axis. It covers the bounding box of all
+/// bricks (blocks of voxels) with extinction, and has at least two nodes along each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
-    /// Grid-space position of the first node of the light volume.
+    /// Position of the light volume's first node in grid space, in which voxels have whole coordinates from 1.
     pub first: DVec3,
     /// Distance between neighbouring nodes of the light volume, in grid units (voxels).
     pub scale: f64,
@@ -23,7 +24,7 @@ pub struct Lattice {
     pub counts: UVec3,
 }
 
-/// Uniform of one slice of a sweep through a light volume; mirrors struct `SweepStep` in
+/// Uniform buffer for one slice that a sweep through a light volume computes; mirrors struct `SweepStep` in
 /// `shaders/shadow/lightvolume/sweep.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
@@ -36,7 +37,8 @@ pub struct SweepStep {
 }
 
 impl Lattice {
-    /// Creates the lattice of a light volume that covers all bricks with extinction; its first node lies on a voxel.
+    /// Creates the node lattice of a light volume over the bounding box of all bricks (blocks of voxels) with
+    /// extinction. The first node lies on a voxel.
     pub fn around(active: &ActiveBricks, dims: [usize; 3], scale: f64) -> Self {
         // Grid space numbers the voxels from 1.
         let [lo, hi] = active.index_box(dims).unwrap_or_default().map(|index| index + 1.0);
@@ -50,8 +52,8 @@ impl Lattice {
         self.counts.to_array().iter().map(|n| u64::from(*n)).product()
     }
 
-    /// Returns the blocks of light volume nodes next to bricks with extinction, packed as
-    /// `shaders/shadow/lightvolume/gather.wgsl` reads them.
+    /// Returns the packed coordinates of the blocks of light volume nodes at or next to bricks (blocks of voxels)
+    /// with extinction, as `shaders/shadow/lightvolume/gather.wgsl` reads them.
     pub fn blocks(&self, active: &ActiveBricks) -> Vec<u32> {
         let counts = (self.counts + (BLOCK - 1)) / BLOCK;
         let mut wanted = vec![false; counts.to_array().iter().map(|n| *n as usize).product()];
@@ -100,8 +102,8 @@ impl Lattice {
         }
     }
 
-    /// Returns the slices of one sweep through the light volume, away from a point light along an axis, up or `down`.
-    /// The list is empty if no node lies closer to that axis than to the others.
+    /// Returns the slices of one sweep through the light volume, away from a point light, in the positive or (`down`)
+    /// negative direction of an axis. The list is empty if no node lies closer to that axis than to the others.
     fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<SweepStep> {
         let last = (self.counts - 1).as_dvec3().to_array();
         let light = light.to_array();

@@ -15,8 +15,9 @@
 //!   eye: nodes do not move with the camera. A point light has up to six sweeps, one for each side of a cube around
 //!   it.
 //! * The space between two slices is marched as in every method here; the papers blend one texture slice.
-//! * The lattice covers the active bricks. In empty space a query for transmittance continues to the first active
-//!   brick towards the light, so that a gather marches only from nodes next to active bricks.
+//! * The lattice covers the bricks (blocks of voxels) with extinction. In empty space a query for transmittance
+//!   continues to the first such brick towards the light, so that `build=gather` marches only from nodes near bricks
+//!   with extinction.
 //! * 8 bits are the papers'; 16-bit and 32-bit floats exist, too.
 
 mod lattice;
@@ -55,9 +56,11 @@ settings! {
         build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
         /// Number of bits stored for each node of the light volume: 8, 16 or 32.
         bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
-        /// Quantity that the light volume stores and filters average: optical depth or transmittance.
+        /// Quantity that the light volume stores at its nodes and averages between them: optical depth or
+        /// transmittance.
         average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
-        /// March of light rays: cell by cell and exact, or by samples at regular distances.
+        /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
+        /// distances.
         march: MarchBy = MARCH_KEY,
         /// Distance between regular samples along a light ray, in units of the smallest voxel spacing.
         step: f64 = STEP_KEY,
@@ -78,11 +81,12 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [17, 119, 51], marker: Marker::Triad },
 };
 
-/// Size of the packed light volume slices that are copied at a time, bytes.
+/// Size of the buffer from which packed slices of a light volume are copied into a texture, bytes; it holds at least
+/// one slice.
 const PACKED_BYTES: u64 = 1 << 24;
 /// Alignment of rows in copies from buffers to textures, bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
-/// Number of light volume nodes per side of a workgroup in the sweep and pack shaders.
+/// Number of threads per side of a GPU workgroup in the shaders that sweep and pack a light volume.
 const SQUARE: u32 = 8;
 
 /// Uniform buffer of a light volume's lattice; mirrors struct `Lattice` in `shaders/shadow/lightvolume/lattice.wgsl`.
@@ -145,8 +149,8 @@ impl LightVolume {
         self.shader("shadow/lightvolume/pack.wgsl")
     }
 
-    /// Returns the largest optical depth that the light volume stores; in 8 bits the largest that differs from
-    /// darkness.
+    /// Returns the largest optical depth that the light volume stores. With 8 bits it is `8 ln 2`, which is a
+    /// transmittance of 1/256.
     fn max_depth(&self) -> f32 {
         if self.bits == 8 { 8.0 * std::f32::consts::LN_2 } else { OPAQUE_DEPTH }
     }
@@ -159,7 +163,8 @@ impl LightVolume {
         }
     }
 
-    /// Builds the light volume by a march to the light from every node next to a brick with extinction.
+    /// Builds the light volume by a march to the light from every node at or next to a brick (block of voxels) with
+    /// extinction.
     fn gather(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
         let LatticePasses { context, lattice, .. } = passes;
         let blocks = lattice.blocks(&context.transfer.active);
@@ -192,7 +197,7 @@ impl LightVolume {
         context.run_steps("light volume sweep", &self.sweep_shader(), &passes.group(&[]), &steps)
     }
 
-    /// Packs the nodes of the light volume into the `bits` bits each that transmittance queries read.
+    /// Converts the light volume from 32 bits for each node to the 8 or 16 bits that transmittance queries read.
     fn packed(&self, passes: &LatticePasses<'_>, nodes: VolumeTexture) -> Result<(VolumeTexture, Span)> {
         let LatticePasses { context, lattice, .. } = passes;
         if self.bits == 32 {

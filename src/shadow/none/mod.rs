@@ -39,10 +39,10 @@ impl Method for NoShadows {
     }
 }
 
-/// Number of texels per side of the light space in which shadow methods without a map are tested.
+/// Number of shadow map texels per side that tests assume for shadow methods without a shadow map.
 const TEST_MAP: u32 = 512;
 
-/// Returns the light space (projection of the light) for shadow methods without a map.
+/// Returns the projection of the light for shadow methods without a shadow map, with an assumed number of texels.
 pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
     context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march })
 }

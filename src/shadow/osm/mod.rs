@@ -26,15 +26,17 @@ use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 
-/// Exponent of the plane positions with `slicing=gamma`.
+/// Exponent `g` in the depth `(i / N)^g` of plane `i` of an opacity shadow map (`slicing=gamma`), as a share of the
+/// depth range.
 const GAMMA: f64 = 2.2;
-/// Number of light rays per side in the pass that sums the optical mass of the volume by depth.
+/// Number of light rays per side of the grid of rays along which the optical mass (summed optical depth) is measured
+/// by depth.
 const MASS_RAYS: u32 = 128;
 
 choices! {
-    /// Placement of the planes of an opacity shadow map in depth.
+    /// Rule by which the planes of an opacity shadow map are placed in depth.
     pub enum Slicing {
-        /// Places the planes of an opacity shadow map at equal distances.
+        /// Places the planes of an opacity shadow map at equal distances from each other.
         Uniform = "uniform",
         /// Places the planes at equal shares of the optical mass (optical depth summed over light rays), lit or not.
         Density = "density",
@@ -50,20 +52,19 @@ settings! {
     pub struct OpacityShadowMap {
         /// Number of planes of an opacity shadow map (`N` of Kim and Neumann 2001).
         layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
-        /// Placement of the planes of an opacity shadow map in depth.
+        /// Rule by which the planes of an opacity shadow map are placed in depth.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
             "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
         )
         .search_all(),
-        /// Number of shadow map texels per side that a transmittance query averages: 1 or 3.
+        /// Width, in texels, of the square of shadow map texels over which a transmittance query averages: 1 or 3.
         kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged").search_all(),
         /// Number of bits of each optical depth stored in an opacity shadow map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// Quantity that bilinear filtering and the kernel average among shadow map texels: optical depth or
-        /// transmittance.
+        /// Quantity that a transmittance query averages among shadow map texels: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
@@ -82,7 +83,8 @@ pub(super) static ENTRY: Entry = Entry {
     style: Style { color: [230, 159, 0], marker: Marker::Square },
 };
 
-/// Skipped pass that sums the optical mass: an opacity shadow map with a single plane does not need it.
+/// Pass that sums the optical depth of the volume by depth, which is skipped: an opacity shadow map with a single
+/// plane does not need it.
 const NOT_WEIGHED: PassLeftOut =
     PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
 
@@ -104,7 +106,8 @@ impl OpacityShadowMap {
         LayeredMap { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
-    /// Returns the placement of the planes as a division into layers; `None` if it depends on the optical mass.
+    /// Returns the positions of an opacity shadow map's planes as a division into layers; `None` if they depend on
+    /// the volume's optical depth.
     fn plain_split(&self) -> Option<Split> {
         match self.slicing {
             Slicing::Uniform => Some(Split::Power(1.0)),
@@ -113,7 +116,7 @@ impl OpacityShadowMap {
         }
     }
 
-    /// Sums the optical mass of the volume, or the light it absorbs, in bins of depth, in fixed point.
+    /// Sums the optical depth of many light rays (or the light absorbed along them) in bins of depth, in fixed point.
     fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
         let gpu = context.gpu();
         let params = self.layered_map(Split::Power(1.0)).params(&tiles.light_space);

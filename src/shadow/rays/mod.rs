@@ -10,8 +10,8 @@ use crate::error::Result;
 use crate::field::{BuildContext, field_shader};
 
 settings! {
-    /// Settings of the shadow method `rays`, the reference for pictures. Each transmittance query marches a shadow
-    /// ray in the way that shadow maps are built.
+    /// Settings of the shadow method `rays`, whose pictures are the reference for other methods. Each transmittance
+    /// query marches a shadow ray with the code that builds shadow maps.
     ///
     /// Up to four segments of a camera ray share their queries (`shaders/render/raycast.wgsl`), as with every shadow
     /// method; `lookup=each` casts one shadow ray for each sample, as in the literature.

@@ -2,10 +2,11 @@
 //! and `avsm`. Each of these methods is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows
 //! from them.
 //!
-//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a sink of the method) and
-//! one texture atlas of shadow map tiles. Every tile has a margin of one texel that repeats its neighbours (324
-//! instead of 256 texels). So the hardware's texture filter, for which `fourier` and `moments` are made, never leaves
-//! a tile. Tiles without active bricks take no memory, as in every shadow map here.
+//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a module of the method
+//! that receives the matter along the light ray) and one texture atlas of shadow map tiles. Every tile has a margin
+//! of one texel that repeats its neighbours (324 instead of 256 texels). So the hardware's texture filter, for which
+//! `fourier` and `moments` are made, never leaves a tile. Tiles without extinction take no memory, as in every shadow
+//! map here.
 //!
 //! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
 //! within one cell, whose matter is assumed to be uniform; `avsm` takes shorter segments.
@@ -21,32 +22,34 @@ use crate::gpu::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Contents of a shadow method's own uniform buffer: eight floats.
+/// Contents of the uniform buffer for the settings of one shadow method: eight floats.
 pub type MethodParams = [f32; 8];
-/// Binding of the uniform [`MethodParams`] in shader group 1.
+/// Binding index of the uniform buffer [`MethodParams`] in shader group 1.
 const PARAMS_BINDING: u32 = 5;
 /// Number of texels per side of a shadow map tile with its margin.
 const TILE_SIDE: u32 = TILE + 2;
-/// Number of shadow map tiles that fit across a texture on every adapter.
+/// Number of shadow map tiles that fit side by side in a texture of 8192 texels, a width that every graphics adapter
+/// supports.
 const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 
-/// Shader of transmittance queries for methods whose vectors cannot be averaged: it averages the transmittances of
-/// `umbravox::texel_curve`.
+/// Shader file for maps whose stored four-vectors cannot be averaged: it averages the transmittances of neighbouring
+/// texels (`umbravox::texel_curve`).
 pub(super) const TRANSMITTANCE_FILTER: &str = "shadow/vectors/filter.wgsl";
 
-/// Storage format of the four-vectors in a shadow map texel.
+/// Storage format of the four-vectors that a shadow map stores in each texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VectorStorage {
-    /// Stores the components of four-vectors as 16-bit floats.
+    /// Stores the components of a shadow map's four-vectors as 16-bit floats.
     Half,
-    /// Stores the components of four-vectors as 32-bit floats.
+    /// Stores the components of a shadow map's four-vectors as 32-bit floats.
     Single,
-    /// Stores the components of four-vectors as 32-bit words, which the shadow method packs and unpacks.
+    /// Stores the components of a shadow map's four-vectors as 32-bit words, which the shadow method packs and
+    /// unpacks.
     Words,
 }
 
 impl VectorStorage {
-    /// Returns the storage format of four-vectors with floats of 16 or 32 bits.
+    /// Returns the storage format of a shadow map's four-vectors with floats of 16 or 32 bits.
     pub fn floats(bits: u32) -> Self {
         if bits == 16 { Self::Half } else { Self::Single }
     }
@@ -59,7 +62,7 @@ impl VectorStorage {
         }
     }
 
-    /// Returns the size of a stored four-vector, bytes.
+    /// Returns the size of one four-vector stored in a shadow map, bytes.
     fn bytes(self) -> u64 {
         if self == Self::Half { 8 } else { 16 }
     }
@@ -69,26 +72,28 @@ impl VectorStorage {
 pub struct VectorMapDescriptor {
     /// Number of four-vectors in each shadow map texel.
     pub vectors: u32,
-    /// Storage format of the four-vectors in a shadow map texel.
+    /// Storage format of the four-vectors that a shadow map stores in each texel.
     pub storage: VectorStorage,
     /// Interpolation between the shadow map texels around a point: nearest or bilinear.
     pub filter: Filter,
-    /// Whether the four-vectors of neighbouring texels may be averaged, as hardware texture filtering does.
+    /// Whether a query may average the four-vectors of neighbouring shadow map texels, as hardware texture filtering
+    /// does.
     pub linear: bool,
-    /// Size and coverage of the shadow map, and march of its light rays.
+    /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
     pub shape: MapShape,
     /// Constants of the shadow method's shader modules.
     pub constants: Vec<Constant>,
     /// Preprocessor definitions of the shadow method's shader modules.
     pub defs: Vec<&'static str>,
-    /// Number of marches along each light ray; `None` for a single march.
+    /// Number of times that the shadow map build marches each light ray; `None` for once.
     pub marches: Option<u32>,
-    /// File of the shader module `umbravox::sink`, which receives the pieces of matter along a light ray.
+    /// File of the shader module `umbravox::sink`, which receives the matter along a light ray, interval by interval.
     pub sink: &'static str,
     /// Files of the shader module `umbravox::method` with the transmittance query, preceded by the modules that it
     /// imports.
     pub lookup: &'static [&'static str],
-    /// Uniform of the shadow method at [`PARAMS_BINDING`], and the file of the shader module that declares it.
+    /// Values of the shadow method's uniform buffer at [`PARAMS_BINDING`], and the file of the shader module that
+    /// declares it.
     pub params: Option<(&'static str, MethodParams)>,
     /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each makes
     /// its own.
@@ -103,7 +108,7 @@ pub trait VectorMap: std::fmt::Debug + Send + Sync {
     fn values(&self) -> Vec<Value>;
     /// Returns the description of the shadow map that follows from the method's settings.
     fn descriptor(&self) -> VectorMapDescriptor;
-    /// Returns the shape of the method's transmittance curve along a light ray.
+    /// Returns the guarantee on the method's transmittance along a light ray: falling, within 0 and 1, or neither.
     fn curve(&self) -> Curve {
         Curve::Falls
     }
@@ -184,9 +189,9 @@ impl VectorMapDescriptor {
         u64::from(self.vectors) * self.storage.bytes()
     }
 
-    /// Returns the number of shadow map tiles across the texture atlas, and its sides in texels. It uses as few rows
-    /// as textures of every adapter allow, so that little of the last row stays empty. The atlas is nearly square if
-    /// textures are not high enough.
+    /// Returns the number of shadow map tiles side by side in the texture atlas, and the width and height of the
+    /// atlas in texels. The atlas has as few rows as every adapter's textures allow, so that little of the last row
+    /// stays empty. It is nearly square if textures are not high enough.
     fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
         let tiles = tiles.max(1);
         let wide = tiles.div_ceil(TILES_ACROSS);

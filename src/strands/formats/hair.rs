@@ -1,9 +1,10 @@
 //! Lossless reader and writer of Cem Yuksel's `.hair` files (hair strands).
 //!
-//! 128 bytes of header, little-endian: `HAIR`; number of strands, number of points (u32); flags (u32: 1 segments, 2
-//! points, 4 thickness, 8 transparency, 16 colours); default segments (u32), thickness, transparency (f32), colour
-//! (3 f32); 88 bytes of information. Then the arrays that the flags name, in that order: u16 a strand for segments,
-//! f32 a point for the others (three for points and colours), and nothing after them.
+//! The header has 128 bytes, little-endian: `HAIR`; number of strands, number of points (u32); flags (u32: 1
+//! segments, 2 points, 4 thickness, 8 transparency, 16 colours); default values for segments (u32), thickness,
+//! transparency (f32) and colour (3 f32); 88 bytes of information text. One array for each set flag follows, in the
+//! order of the flags. The segments array holds one u16 for each strand. The others hold one f32 for each point, or
+//! three for points and colours. The file ends behind the last array.
 //!
 //! Source: <http://www.cemyuksel.com/research/hairmodels/>, "HAIR file format".
 
@@ -33,8 +34,8 @@ const CHUNK_BYTES: usize = 1 << 18;
 /// Byte offset of the number of points in the header of a `.hair` file.
 const POINT_COUNT: u64 = 8;
 
-/// Arrays of a `.hair` file in the order of their flags: quantity, name, bytes of an entry, and byte offset of the
-/// default value in the header.
+/// Arrays that a `.hair` file may contain, in the order of their flags: quantity, name, bytes of one entry, and byte
+/// offset of the default value in the header.
 const ARRAYS: [(StrandQuantity, &str, u64, u64); 5] = [
     (StrandQuantity::Segments, "segment", 2, 16),
     (StrandQuantity::Points, "point", 12, POINT_COUNT),
@@ -43,7 +44,7 @@ const ARRAYS: [(StrandQuantity, &str, u64, u64); 5] = [
     (StrandQuantity::Color, "colour", 12, 28),
 ];
 
-/// Header of a `.hair` file, as its bytes lie in the file.
+/// Header of a `.hair` file in its binary layout.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct HairHeader {
@@ -63,8 +64,8 @@ struct HairHeader {
 compile_error!("the header and arrays of .hair files are read as they lie in memory, little-endian");
 
 impl HairHeader {
-    /// Returns each array that the `.hair` file contains: quantity, name, first byte and end byte (exclusive, at most
-    /// 2^37).
+    /// Returns the arrays that the `.hair` file contains: quantity, name, and byte offsets of the array's begin and
+    /// end (exclusive, at most 2^37).
     fn arrays(&self) -> impl Iterator<Item = (StrandQuantity, &'static str, u64, u64)> {
         let mut end = HEADER_BYTES;
         let present = ARRAYS.into_iter().filter(|(part, ..)| self.has(*part));
@@ -83,7 +84,7 @@ impl HairHeader {
         (if part == StrandQuantity::Segments { self.strands } else { self.points }) as usize
     }
 
-    /// Returns the byte offset in the `.hair` file of the number that an error is about.
+    /// Returns the byte offset of the invalid number that an error reports in the `.hair` file.
     fn place(&self, flaw: &Flaw) -> u64 {
         let array = ARRAYS.into_iter().find(|(part, ..)| *part == flaw.part);
         let (_, _, bytes, default) = array.unwrap_or((flaw.part, "", 0, POINT_COUNT));
@@ -91,7 +92,8 @@ impl HairHeader {
         flaw.entry.map_or(default, |entry| start + entry as u64 * bytes)
     }
 
-    /// Rejects a `.hair` file whose length differs from what its header claims, or whose header contradicts itself.
+    /// Returns an error if the length of a `.hair` file differs from the length that its header implies, or if the
+    /// header contradicts itself.
     fn check_length(&self, length: u64) -> Result<(), (u64, String)> {
         let Self { strands, default_segments, points, .. } = *self;
         let wanted = u64::from(strands) * (u64::from(default_segments) + 1);

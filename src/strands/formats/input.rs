@@ -1,4 +1,4 @@
-//! Opens strand files, and makes reading errors that name a byte or line of the file.
+//! Opens strand files, and creates error messages that name a byte or line of a strand file.
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-/// First words of every error about reading strands.
+/// Beginning of every error message about a strand file that cannot be read.
 pub(super) const WHAT: &str = "cannot read strands";
 
 /// Opens a strand file, which must be a regular file, and returns a reader and the file's length in bytes. `loading`
@@ -40,18 +40,17 @@ pub(super) fn read_whole(input: &mut dyn Read, length: u64, source: &str) -> Res
     Ok(bytes)
 }
 
-/// Returns an error about a strand file as a whole. [`Error::at`] adds the path to this error and to those that name
-/// a byte or line.
+/// Returns an error about a strand file as a whole, without the file's path; [`Error::at`] adds the path later.
 pub(super) fn in_file(why: impl ToString) -> Error {
     Error::input(WHAT, "", why)
 }
 
-/// Returns an error at a byte of a strand file; bytes count from 0.
+/// Returns an error about invalid data at a byte offset (from 0) of a strand file.
 pub(super) fn at_byte(byte: usize, why: impl ToString) -> Error {
     Error::input(WHAT, format!("byte {byte}"), why)
 }
 
-/// Returns an error in a line of a strand file; lines count from 1.
+/// Returns an error about invalid text in a line (from 1) of a strand file.
 pub(super) fn in_line(line: usize, why: impl ToString) -> Error {
     Error::input(WHAT, format!("line {line}"), why)
 }

@@ -1,4 +1,4 @@
-//! Collects polylines point by point for the readers of strand files.
+//! Collects the polylines of a strand file point by point, for the readers of these files.
 
 use super::super::{Attribute, MAX_MM, StrandArrays, Strands};
 use super::input::{WHAT, in_file, read_whole};
@@ -7,7 +7,7 @@ use crate::files::input::says_lps;
 use glam::DVec3;
 use std::io::Read;
 
-/// Polylines of a strand file whose format stores no thickness.
+/// Polylines read from a strand file whose format stores no thickness of the strands.
 #[derive(Debug, Default)]
 pub(super) struct Polylines {
     points: Vec<[f32; 3]>,
@@ -18,24 +18,26 @@ pub(super) struct Polylines {
     lone: usize,
     /// Warnings for the user about the strand file.
     pub warnings: Vec<String>,
-    /// Whether the file's coordinates are LPS (x to the left, y to the back), so that x and y are negated on reading.
+    /// Whether the strand file's coordinates are LPS (x to the patient's left, y to the back), so that the reader
+    /// negates x and y.
     is_lps: bool,
 }
 
 impl Polylines {
-    /// Creates an empty set of polylines, in LPS coordinates if the beginning of the file contains `SPACE=LPS`.
+    /// Creates an empty set of polylines for a strand file. Coordinates are LPS if the beginning of the file contains
+    /// `SPACE=LPS`.
     pub fn in_space_of(bytes: &[u8]) -> Self {
         Self { is_lps: says_lps(bytes), ..Self::default() }
     }
 
-    /// Reserves memory for a number of polyline points. The caller first checks that the file is long enough for
-    /// them.
+    /// Reserves memory for a number of polyline points, after the caller has tested that the strand file is long
+    /// enough for them.
     pub fn reserve(&mut self, points: usize) -> Result<()> {
         let reserved = self.points.try_reserve_exact(points);
         reserved.map_err(|_| in_file(format!("there is not enough memory for {points} points")))
     }
 
-    /// Appends a point (mm) to the polyline that is being read.
+    /// Appends a point (mm) to the polyline that is being read from a strand file.
     pub fn point(&mut self, p: DVec3) -> Result<(), String> {
         if !p.to_array().iter().all(|x| x.abs() <= f64::from(MAX_MM)) {
             let [x, y, z] = p.to_array();
@@ -53,7 +55,8 @@ impl Polylines {
         Ok(())
     }
 
-    /// Ends the polyline that is being read. A polyline of fewer than two points is skipped and counted.
+    /// Ends the polyline that is being read from a strand file. A polyline of fewer than two points is skipped and
+    /// counted.
     pub fn end(&mut self) {
         if self.open < 2 {
             self.points.truncate(self.points.len() - self.open);
@@ -65,12 +68,13 @@ impl Polylines {
         self.open = 0;
     }
 
-    /// Returns whether a polyline has been started and not yet ended.
+    /// Whether a polyline of the strand file has been started and not yet ended.
     pub fn is_open(&self) -> bool {
         self.open > 0
     }
 
-    /// Number of polylines read so far, including those skipped for having fewer than two points.
+    /// Number of polylines read from the strand file so far, including those skipped for having fewer than two
+    /// points.
     pub fn count(&self) -> usize {
         self.segments.len() + self.lone
     }
@@ -94,7 +98,7 @@ impl Polylines {
     }
 }
 
-/// Reads strands from an input of `length` bytes by a given parser of polylines.
+/// Reads strands from a file of `length` bytes with the polyline parser of the file's format.
 pub(super) fn read_by(
     parse: fn(&[u8]) -> Result<Polylines>,
     input: &mut dyn Read,

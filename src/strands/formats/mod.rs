@@ -25,7 +25,7 @@ use std::path::Path;
 /// Number of bytes at the beginning of a strand file that are used to recognise its format.
 const HEAD_BYTES: u64 = 1024;
 
-/// File format of strands, with its name, file-name extension and reader.
+/// File format of strands: its name, file-name extension and reader.
 #[derive(Debug)]
 pub struct StrandFormat {
     /// Name of the strand file format for messages.
@@ -39,15 +39,15 @@ pub struct StrandFormat {
     reader: Reader,
 }
 
-/// Reader of one strand file format.
+/// Function that reads strands from one strand file format.
 #[derive(Debug)]
 enum Reader {
     Hair,
-    /// Parser of a file format that stores polylines without a thickness.
+    /// Parser of a strand file format that stores polylines without a thickness.
     Polylines(fn(&[u8]) -> Result<Polylines>),
 }
 
-/// Describes a strand file format that stores polylines without a thickness.
+/// Creates the description of a strand file format that stores polylines without a thickness.
 const fn polylines(
     name: &'static str,
     ending: &'static str,
@@ -73,7 +73,7 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
     polylines("Wavefront polylines", "obj", |_| None, obj::parse),
 ];
 
-/// File-name extensions of all strand file formats.
+/// List of the file-name extensions of all strand file formats.
 pub const STRAND_EXTENSIONS: &[&str] = &["hair", "tck", "trk", "vtk", "vtp", "obj"];
 
 impl StrandFormat {
@@ -95,8 +95,7 @@ impl StrandFormat {
         }
     }
 
-    /// Finds the format of a strand file from its first bytes; only the file name decides if the file cannot be
-    /// opened.
+    /// Finds the format of a strand file from its first bytes. If the file cannot be opened, only its name decides.
     pub fn of_file(path: &Path) -> Option<&'static Self> {
         let mut head = Vec::new();
         // Opening a pipe waits for a writer for ever.

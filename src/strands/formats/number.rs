@@ -1,8 +1,8 @@
-//! Decodes single numbers of binary strand files.
+//! Decodes single numbers of binary strand files, such as `.trk` and `.vtk` files.
 
 use crate::volume::Element;
 
-/// Returns the element type for a type name of a legacy VTK file, such as `float` or `vtktypeint64`.
+/// Returns the number type for a type name in a legacy VTK file, such as `float` or `vtktypeint64`.
 pub(super) fn legacy_vtk_element(name: &str) -> Option<Element> {
     let name = name.to_ascii_lowercase();
     match name.as_str() {
@@ -15,7 +15,8 @@ pub(super) fn legacy_vtk_element(name: &str) -> Option<Element> {
     }
 }
 
-/// Decodes the number at the beginning of `bytes`. Integers are exact up to 2^53, more than the points of any file.
+/// Decodes the number at the beginning of `bytes`, which come from a binary strand file. Integers up to 2^53 are
+/// exact.
 ///
 /// # Panics
 /// `bytes` are too few.

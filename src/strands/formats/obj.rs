@@ -1,10 +1,11 @@
 //! Reader of the polylines of Wavefront OBJ files (their `l` elements).
 //!
-//! `v x y z` is a point. `l a b c ...` is a polyline through points by their numbers, from 1 or, below 0, from the
-//! last one backwards. In `a/t` the texture coordinate is ignored, as are all other elements. Coordinates are world
-//! mm, RAS+.
+//! `v x y z` is a point. `l a b c ...` is a polyline through the points with these indices. Positive indices count
+//! from 1; negative ones count backwards from the last point. In `a/t` the texture coordinate is ignored, and so are
+//! all other elements. Coordinates are world mm, RAS+.
 //!
-//! The `tobj` crate is not used: it rounds coordinates with its own parser of floats, and turns lines into pairs.
+//! The `tobj` crate is not used: it rounds coordinates with its own parser of floats, and splits polylines into pairs
+//! of points.
 
 use super::input::{in_file, in_line};
 use super::lines::Polylines;

@@ -1,9 +1,9 @@
 //! Reader of MRtrix track files (`.tck`).
 //!
 //! A text header of `key: value` lines stands between `mrtrix tracks` and `END`. It needs the keys `datatype`
-//! (`Float32LE`, `Float32BE`, `Float64LE`, `Float64BE`) and `file: . OFFSET`; `count` is optional. From that byte on
-//! points follow in scanner coordinates, mm, RAS+. A point of three NaN ends a track, one of three infinities the
-//! file.
+//! (`Float32LE`, `Float32BE`, `Float64LE`, `Float64BE`) and `file: . OFFSET`; `count` is optional. The points begin
+//! at byte OFFSET, in scanner coordinates, mm, RAS+. A point of three NaN ends a track; a point of three infinities
+//! ends the file.
 //!
 //! Source: <https://mrtrix.readthedocs.io/en/latest/getting_started/image_data.html>, "Tracks file format". No crate
 //! was found that reads it.
@@ -18,7 +18,7 @@ use glam::DVec3;
 /// First bytes of every MRtrix track file (`.tck`).
 pub(super) const MAGIC: &[u8] = b"mrtrix tracks";
 
-/// Returns the element type of a `.tck` file and whether it is big-endian, from the header's `datatype`.
+/// Returns the number type of the points in a `.tck` file and whether it is big-endian, from the header's `datatype`.
 fn element_of(datatype: &str) -> Option<(Element, bool)> {
     let lower = datatype.to_ascii_lowercase();
     // Without a byte order in the name it is that of the writing machine, which is nearly always little-endian.

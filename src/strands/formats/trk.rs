@@ -1,11 +1,11 @@
-//! Reader of TrackVis track files (`.trk`) of versions 1 to 3. The header's size field tells their byte order.
+//! Reader of TrackVis track files (`.trk`) of versions 1 to 3. The header's size field tells the byte order.
 //!
-//! A header of 1000 bytes, then track after track: the number of its points (i32), for each point three coordinates
-//! and `n_scalars` numbers (f32), and `n_properties` numbers. Where `n_count` is 0 tracks extend to the end of the
-//! file. `trk_space.rs` converts coordinates to world mm.
+//! The tracks follow a header of 1000 bytes. Each track stores its number of points (i32), then for each point three
+//! coordinates and `n_scalars` numbers (f32), then `n_properties` numbers (f32). If the header's `n_count` is 0, the
+//! tracks extend to the end of the file. `trk_space.rs` converts coordinates to world mm.
 //!
-//! Source: <http://trackvis.org/docs/?subsect=fileformat>. The `trk-io` crate is not used: it allocates what a track
-//! claims before it has read any of it, and panics where the file ends within one.
+//! Source: <http://trackvis.org/docs/?subsect=fileformat>. The `trk-io` crate is not used: it allocates memory for
+//! the point count that a track claims before reading the points, and panics if the file ends within a track.
 
 use super::input::at_byte;
 use super::lines::Polylines;
@@ -20,7 +20,8 @@ pub(super) const MAGIC: &[u8] = b"TRACK";
 /// Size of the header of a TrackVis file, bytes.
 const HEADER_BYTES: usize = 1000;
 
-/// Byte offset of the grid dimensions in the header of a TrackVis file; the offsets of other fields follow.
+/// Byte offset of the grid dimensions in the header of a TrackVis file. The next constants are byte offsets of other
+/// header fields.
 const DIMENSIONS: usize = 6;
 const VOXEL_SIZE: usize = 12;
 const SCALARS: usize = 36;
@@ -31,12 +32,13 @@ const COUNT: usize = 988;
 const VERSION: usize = 992;
 const HEADER_SIZE: usize = 996;
 
-/// Converts a count of a TrackVis file; a negative one is an error at byte `at`.
+/// Converts a count read at byte offset `at` of a TrackVis file. A negative count is an error.
 fn count_of(n: i32, at: usize, what: &str) -> Result<usize> {
     usize::try_from(n).map_err(|_| at_byte(at, format!("{n} {what} are fewer than none")))
 }
 
-/// Returns the transform from the coordinates of a TrackVis file to world mm, and adds warnings to `lines`.
+/// Returns the transform from the coordinates of a TrackVis file to world mm. It adds warnings about the file's
+/// header to those of `lines`.
 fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAffine3> {
     let voxel_mm: [f64; 3] = file.floats(VOXEL_SIZE);
     if !voxel_mm.iter().all(|mm| mm.is_finite() && *mm > 0.0) {
@@ -73,8 +75,7 @@ fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAff
 
 /// Parses the tracks of a TrackVis file (`.trk`).
 ///
-/// # Errors
-/// The file breaks its format, or ends within a track or before all that its header counts.
+/// # Errors The file breaks its format, or ends before the last track that its header counts.
 pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let length = bytes.len();
     if length < HEADER_BYTES {

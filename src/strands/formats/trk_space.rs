@@ -20,14 +20,15 @@ pub(super) struct TrackGrid<'a> {
     pub world_from_voxel: DAffine3,
 }
 
-/// Anatomical direction of a grid axis: the world axis, and 1 along it or -1 against it.
+/// Anatomical direction of a voxel grid axis: the nearest world axis, and the sign 1 along it or -1 against it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Direction {
     axis: usize,
     sign: f64,
 }
 
-/// Returns the transform from the coordinates of a TrackVis file to world mm, and whether it permutes the axes.
+/// Returns the transform from the coordinates of a TrackVis file to world mm, and whether the transform permutes the
+/// grid's axes.
 pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), String> {
     let from = directions_of_letters(grid.order).ok_or_else(|| {
         format!("the voxel order `{}` is no three axes, one of R L, A P, S I each", grid.order)
@@ -45,7 +46,8 @@ pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), 
     }
 }
 
-/// Parses the axis directions from three letters such as `LPS`; `None` unless each axis occurs once.
+/// Parses the directions of the three axes of a TrackVis grid from letters such as `LPS`; `None` unless each axis
+/// occurs once.
 fn directions_of_letters(order: &str) -> Option<[Direction; 3]> {
     let direction = |letter: char| {
         let place = "RLAPSI".find(letter.to_ascii_uppercase())?;
@@ -59,8 +61,8 @@ fn each_axis_once(directions: &[Direction; 3]) -> bool {
     (0..3).all(|axis| directions.iter().any(|d| d.axis == axis))
 }
 
-/// Finds the world axis nearest to each column of a matrix, each axis once. It takes the matrix's nearest rotation,
-/// and begins with the column closest to an axis.
+/// Assigns a different world axis to each column of a matrix: the nearest one, beginning with the column closest to
+/// an axis. The columns are those of the matrix's nearest rotation.
 fn directions_of_matrix(matrix: DMat3) -> Option<[Direction; 3]> {
     if !matrix.is_finite() {
         return None;
@@ -89,8 +91,8 @@ fn directions_of_matrix(matrix: DMat3) -> Option<[Direction; 3]> {
     Some([x?, y?, z?]).filter(each_axis_once)
 }
 
-/// Returns the transform of voxel indices from axes along `from` to axes along `to`; `dims` counts the voxels along
-/// `from`.
+/// Returns the transform of voxel indices from a grid with axes along `from` to one with axes along `to`. `dims` are
+/// the numbers of voxels along `from`.
 fn reordered(from: [Direction; 3], to: [Direction; 3], dims: [f64; 3]) -> Result<DAffine3, String> {
     let (mut matrix, mut shift) = (DMat3::ZERO, DVec3::ZERO);
     for (row, direction) in from.iter().enumerate() {

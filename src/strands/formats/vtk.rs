@@ -26,7 +26,7 @@ pub(super) fn recognise(head: &[u8]) -> Option<bool> {
     head.starts_with(MAGIC).then(|| dataset.is_none_or(|kind| kind == "POLYDATA"))
 }
 
-/// Reading position in a legacy VTK file, where text lines alternate with arrays of numbers.
+/// Reading position in the bytes of a legacy VTK file, in which text lines and arrays of numbers alternate.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -54,12 +54,13 @@ impl<'a> Cursor<'a> {
         (from, String::from_utf8_lossy(&rest[..length]).trim().to_owned())
     }
 
-    /// Skips the lines of a VTK metadata section up to the next empty line.
+    /// Skips the lines of a metadata section in a legacy VTK file, up to the next empty line.
     fn skip_metadata(&mut self) {
         while !self.any_line().1.is_empty() {}
     }
 
-    /// Reads `count` numbers of a legacy VTK file. It allocates memory only if the file is long enough for them.
+    /// Reads `count` numbers of a legacy VTK file. It allocates memory only if the rest of the file can hold so many
+    /// numbers.
     fn numbers(&mut self, count: u64, element: Element) -> Result<Vec<f64>> {
         let (from, left) = (self.at, self.bytes.len() - self.at);
         // A number in text has a digit and, but for the last one, a space behind it.
@@ -87,7 +88,7 @@ impl<'a> Cursor<'a> {
         Ok(numbers)
     }
 
-    /// Reads the next word of a legacy VTK file; empty at the end of the file.
+    /// Reads the next word of a legacy VTK file; the word is empty at the end of the file.
     fn word(&mut self) -> &'a str {
         let rest = &self.bytes[self.at..];
         let from = rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -107,7 +108,8 @@ impl<'a> Cursor<'a> {
         self.numbers(count, element(&words, 1, at)?)
     }
 
-    /// Reads the cells of a VTK file: the bounds of each cell in a list of point indices, and that list.
+    /// Reads the cells of a legacy VTK file, such as its polylines: a list of point indices, and the bounds of each
+    /// cell in this list.
     fn cells(&mut self, at: usize, words: &[&str], has_offsets: bool) -> Result<[Vec<f64>; 2]> {
         let (cells, size) = (count(words, 0, at)?, count(words, 1, at)?);
         if has_offsets {
@@ -201,20 +203,21 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     }
 }
 
-/// Parses the count at a given word of a legacy VTK file's line.
+/// Parses a count from the words of a line in a legacy VTK file; `place` is the index of the word.
 fn count(words: &[&str], place: usize, at: usize) -> Result<u64> {
     let word = words.get(place).copied().unwrap_or_default();
     word.parse().map_err(|_| at_byte(at, format!("`{word}` is not how many there are")))
 }
 
-/// Parses the element type at a given word of a legacy VTK file's line.
+/// Parses the type of an array's numbers from the words of a line in a legacy VTK file; `place` is the index of the
+/// word.
 fn element(words: &[&str], place: usize, at: usize) -> Result<Element> {
     let word = words.get(place).copied().unwrap_or_default();
     legacy_vtk_element(word).ok_or_else(|| at_byte(at, format!("numbers of the kind `{word}` are not read")))
 }
 
-/// Appends VTK polylines to `lines`. Each polyline is the point indices between two bounds; each point has three
-/// coordinates.
+/// Appends the polylines of a VTK file to `lines`. Two neighbouring entries of `bounds` delimit the point indices of
+/// one polyline in `numbers`.
 pub(super) fn polylines(
     coordinates: &[f64],
     bounds: &[f64],

@@ -1,10 +1,11 @@
 //! Reader of the polylines of VTK XML PolyData files (`.vtp`): the `Lines` of every `Piece`.
 //!
-//! Arrays stand in the text, as numbers or in base64, or are appended, in base64 or raw; plain or compressed by zlib,
-//! VTK's default. Coordinates are treated as in `vtk.rs`.
+//! Arrays stand in the XML text, as numbers or in base64, or in the appended data, in base64 or raw. They are plain
+//! or compressed by zlib, VTK's default. Coordinates are treated in the same way as in `vtk.rs`.
 //!
 //! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. The `vtkio`
-//! crate is not used for the reasons in `vtk.rs`; `roxmltree`, which plots need too, parses the XML.
+//! crate is not used: it panics on missing arrays and allocates memory for the sizes that a header claims.
+//! `roxmltree` parses the XML.
 
 use super::input::{at_byte, in_file, in_line};
 use super::lines::Polylines;
@@ -17,10 +18,10 @@ use crate::volume::Element;
 use roxmltree::Node;
 use std::io::Read;
 
-/// XML tag of a `.vtp` file that precedes the appended data, which are not XML.
+/// XML tag of a `.vtp` file that begins its appended data, whose bytes are not XML.
 const APPENDED: &[u8] = b"<AppendedData";
 
-/// Largest total number of values in the arrays of a `.vtp` file; decoded they take 1 GiB.
+/// Largest total number of values in the arrays of a `.vtp` file; these values take 1 GiB of memory.
 const MOST_NUMBERS: u64 = 1 << 27;
 
 /// Returns whether a file with these first bytes is VTK XML PolyData (`true`) or other VTK XML data (`false`); `None`
@@ -57,8 +58,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     }
 }
 
-/// Appended data of a `.vtp` file from behind their mark `_` to the end of the file, and whether they are raw bytes
-/// (else base64).
+/// Appended data of a `.vtp` file, from behind their mark `_` to the end of the file, and whether they are raw bytes
+/// instead of base64.
 type Appended<'a> = (&'a [u8], bool);
 
 /// Splits a `.vtp` file into its XML text and its appended data.
@@ -106,7 +107,7 @@ fn read_piece(piece: Node, arrays: &mut Arrays, lines: &mut Polylines) -> Result
 struct Arrays<'a> {
     coding: Coding,
     appended: Option<Appended<'a>>,
-    /// Number of values of all `DataArray` elements read so far.
+    /// Number of values read so far from all `DataArray` elements of the `.vtp` file.
     read: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Colour interpolation in the colour spaces of VTK and ParaView: HSV, CIE L*a*b* and Msh.
+//! Interpolation of transfer-function colours in the colour spaces of VTK and ParaView: HSV, CIE L*a*b* and Msh.
 //!
 //! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white; Msh, polar L*a*b*, after Moreland (2009),
 //! *Diverging color maps for scientific visualization*, section 5.
@@ -12,7 +12,7 @@ use std::f64::consts::{FRAC_PI_3, PI, TAU};
 /// Gamma-encoded sRGB colour, channels in `[0, 1]`.
 type Srgb = [f64; 3];
 
-/// Interpolates two colours in HSV along the shorter arc of hues, as `vtkColorTransferFunction` with HSVWrap.
+/// Interpolates two colours in HSV along the shorter arc of hues, like VTK's `vtkColorTransferFunction` with HSVWrap.
 pub fn hsv_wrapped(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     let (a, mut b) = (hsv_from_rgb(a), hsv_from_rgb(b));
     if (b[0] - a[0]).abs() > 0.5 {
@@ -32,13 +32,14 @@ pub fn lab(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_lab(linear(&lab_from_rgb(a), &lab_from_rgb(b), share))
 }
 
-/// Returns the second of two colours, as `vtkColorTransferFunction` in its Step mode: the colour of a node holds up
-/// to that node.
+/// Returns the second of two colours, the step interpolation of VTK's `vtkColorTransferFunction`: between two nodes
+/// the colour is that of the upper node.
 pub fn step(_: &Srgb, b: &Srgb, _: f64) -> Srgb {
     *b
 }
 
-/// Interpolates two colours as Moreland's diverging maps: through white if both are saturated and of different hue.
+/// Interpolates two colours like Moreland's diverging colour maps: through white if both colours are saturated and
+/// differ in hue.
 pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     // Saturation from which on a colour is not grey, and angle from which on two hues differ.
     const SATURATED: f64 = 0.05;
@@ -72,14 +73,14 @@ pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_lab(lab_from_msh(linear(&a, &b, share)))
 }
 
-/// Angle between two directions in the plane, 0 to pi.
+/// Returns the angle between two hues or other angles in the plane, 0 to pi.
 fn angle_between(a: f64, b: f64) -> f64 {
     let angle = (a - b).abs() % TAU;
     angle.min(TAU - angle)
 }
 
-/// Hue given to a grey of Msh magnitude `m` next to a saturated colour, so that the transition looks even (Moreland
-/// 2009).
+/// Returns the hue for a grey of Msh magnitude `m` next to a saturated colour, so that the interpolation between them
+/// looks even (Moreland 2009).
 fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     if m_saturated >= m - 0.1 {
         return h;

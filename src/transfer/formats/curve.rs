@@ -1,90 +1,93 @@
-//! Opacity and colour curves of other programs: nodes by scalar value, with VTK's midpoint and sharpness.
+//! Opacity and colour curves of other programs' transfer functions: nodes by scalar value, with VTK's midpoint and
+//! sharpness between them.
 
-/// Side from which a curve is evaluated at a value; the two limits differ at a jump.
+/// Side from which an opacity or colour curve is evaluated at a scalar value; the two limits differ at a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LimitSide {
-    /// Limit of the curve from below the value.
+    /// Limit of the opacity or colour curve from below the scalar value.
     Below,
-    /// Curve at the value itself, and just above it.
+    /// Opacity or colour curve at the scalar value itself, which is also its limit from above.
     From,
 }
 
-/// Node of an opacity or colour curve, with the shape of the segment that follows it.
+/// Node of an opacity or colour curve, with the shape of the curve segment behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurveNode<const N: usize> {
-    /// Scalar value of the volume at which the curve node lies.
+    /// Scalar value at which the node of the opacity or colour curve lies.
     pub value: f64,
-    /// Opacity or colour channels of the curve at this node.
+    /// Opacity, or colour channels, at this node of an opacity or colour curve.
     pub amounts: [f64; N],
-    /// Position within the segment at which the curve is halfway between its two nodes, in `(0, 1)`; VTK's midpoint.
+    /// Position in `(0, 1)` within the segment behind a curve node where the opacity or colour is halfway between
+    /// both nodes (VTK's midpoint).
     pub midpoint: f64,
-    /// Shape of the segment after the node: 0 is a straight line, 1 a step at the midpoint; VTK's sharpness.
+    /// Shape of the segment behind a curve node: 0 is a straight line, 1 a step at the midpoint (VTK's sharpness).
     pub sharpness: f64,
 }
 
 impl<const N: usize> CurveNode<N> {
-    /// Creates a curve node that is followed by a straight segment.
+    /// Creates a node of an opacity or colour curve with a straight segment behind it.
     pub fn straight(value: f64, amounts: [f64; N]) -> Self {
         Self { value, amounts, midpoint: 0.5, sharpness: 0.0 }
     }
 }
 
-/// Function that interpolates the opacity or colours of two curve nodes; its last argument is the weight of the
+/// Function that interpolates the opacities or colours of two curve nodes; its last argument is the weight of the
 /// second node.
 pub type Mix<const N: usize> = fn(&[f64; N], &[f64; N], f64) -> [f64; N];
 
-/// Interpolation between the nodes of an opacity or colour curve.
+/// Way in which an opacity or colour curve is interpolated between its nodes.
 #[derive(Debug, Clone, Copy)]
 pub struct Interpolation<const N: usize> {
-    /// Function that interpolates the opacity or colours of two curve nodes.
+    /// Function that interpolates the opacities or colours of two curve nodes.
     pub mix: Mix<N>,
-    /// Whether interpolation weights are linear in the logarithm of the scalar value. All values must be above 0 for
-    /// that.
+    /// Whether interpolation weights between curve nodes are linear in the logarithm of the scalar value, which needs
+    /// values above 0.
     pub is_logarithmic: bool,
-    /// Whether the sharpest segments are steps, as VTK treats colours. Otherwise they are steep curves.
+    /// Whether curve segments of the largest sharpness are steps, as in VTK's colour functions; otherwise they are
+    /// steep curves.
     pub has_steps: bool,
 }
 
 impl<const N: usize> Interpolation<N> {
-    /// Interpolation that is linear in the scalar value and in opacity or colour.
+    /// Linear interpolation between the nodes of an opacity or colour curve, without steps.
     pub const LINEAR: Self = Self { mix: linear, is_logarithmic: false, has_steps: false };
 }
 
-/// Opacity or colour curve through nodes, constant before the first and after the last node.
+/// Opacity or colour curve of a transfer function: interpolated between its nodes, constant before the first and
+/// after the last.
 #[derive(Debug, Clone)]
 pub struct NodeCurve<const N: usize> {
     nodes: Vec<CurveNode<N>>,
     mix: Mix<N>,
     is_logarithmic: bool,
-    /// Number of curve nodes that were skipped because more than two have the same scalar value.
+    /// Number of nodes of the opacity or colour curve that were skipped, since only two may share a scalar value.
     pub skipped: usize,
 }
 
-/// Largest number of nodes of an imported curve; no program's editor makes more.
+/// Largest number of nodes of an imported opacity or colour curve, more than the editors of other programs make.
 pub const MOST_NODES: usize = 1 << 14;
-/// Largest scalar value of a curve that 32-bit arithmetic can handle.
+/// Largest scalar value in an opacity or colour curve; 32-bit arithmetic cannot handle larger ones.
 pub const MOST_VALUE: f64 = 1e30;
-/// Two values of a curve count as equal if their distance is below this fraction of the curve's range. VTK requires
+/// Largest difference of two scalar values that count as equal, relative to the curve's value range. VTK requires
 /// distinct values, so programs write jumps as two values that differ by about one 32-bit rounding step.
 const ONE_VALUE: f64 = 1e-7;
-/// VTK's limits on the midpoint of a curve segment.
+/// VTK's limits on the midpoint of a segment between two curve nodes.
 const MIDPOINTS: [f64; 2] = [1e-5, 1.0 - 1e-5];
-/// Sharpness above which VTK treats a curve segment as a step.
+/// Sharpness above which VTK treats a segment between two curve nodes as a step.
 const STEP_FROM: f64 = 0.99;
-/// Sharpness below which VTK treats a curve segment as straight.
+/// Sharpness below which VTK treats a segment between two curve nodes as straight.
 const STRAIGHT_BELOW: f64 = 0.01;
 
-/// Interpolates opacities or colours linearly; `share` is the weight of the second.
+/// Interpolates two opacities or colours linearly; `share` is the weight of the second one.
 pub fn linear<const N: usize>(a: &[f64; N], b: &[f64; N], share: f64) -> [f64; N] {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)
 }
 
 impl<const N: usize> NodeCurve<N> {
-    /// Builds a curve from its nodes, sorted by value. Nodes whose values count as equal become a jump from the first
-    /// to the last of them.
+    /// Builds an opacity or colour curve from nodes, which it sorts by scalar value. Nodes with equal values become a
+    /// jump from the first to the last of them.
     ///
-    /// # Errors
-    /// There are no nodes or too many, or a number is not finite or too large.
+    /// # Errors There are no nodes or too many, or a number is not finite or too large.
     pub fn new(mut nodes: Vec<CurveNode<N>>, interpolation: &Interpolation<N>) -> Result<Self, String> {
         if nodes.is_empty() {
             return Err("it has no points".into());
@@ -132,18 +135,18 @@ impl<const N: usize> NodeCurve<N> {
         Ok(curve)
     }
 
-    /// Creates a piecewise-linear curve through points of non-decreasing value.
+    /// Creates a piecewise-linear opacity or colour curve through points of non-decreasing scalar value.
     pub fn through(points: impl Iterator<Item = (f64, [f64; N])>) -> Self {
         let nodes = points.map(|(value, amounts)| CurveNode::straight(value, amounts)).collect();
         Self { nodes, mix: linear, is_logarithmic: false, skipped: 0 }
     }
 
-    /// Scalar values of the curve's nodes.
+    /// Scalar values at which the nodes of the opacity or colour curve lie.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         self.nodes.iter().map(|n| n.value)
     }
 
-    /// Whether any segment of the curve is not straight.
+    /// Whether any segment of the opacity or colour curve is not straight, according to its midpoint or sharpness.
     pub fn is_bent(&self) -> bool {
         self.nodes.iter().any(|n| n.sharpness >= STRAIGHT_BELOW || n.midpoint != 0.5)
     }
@@ -169,17 +172,19 @@ impl<const N: usize> NodeCurve<N> {
         if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Returns the scalar value at a given interpolation weight between two nodes; the inverse of [`Self::share`].
+    /// Returns the scalar value at a given interpolation weight between two curve nodes, the inverse of
+    /// [`Self::share`].
     fn value_between(&self, a: f64, b: f64, share: f64) -> f64 {
         if self.is_logarithmic { a * (b / a).powf(share) } else { a + (b - a) * share }
     }
 }
 
-/// Interpolation weight of a segment's second node after the midpoint and sharpness of the first one are applied.
+/// Interpolation weight of the second node of a curve segment, after midpoint and sharpness of the first node are
+/// applied.
 ///
-/// VTK's `vtkAbstractPiecewiseFunction` documents a piecewise Hermite curve. Its tangents are `1 - sharpness` of the
-/// straight line's. Before that the share is moved so that the midpoint lies halfway, then drawn towards it by a
-/// power.
+/// VTK's `vtkAbstractPiecewiseFunction` documents the segment as a Hermite curve, whose tangents are `1 - sharpness`
+/// of those of the straight line. Before that, the weight is remapped so that the midpoint lies halfway, then drawn
+/// towards the midpoint by a power.
 fn bent<const N: usize>(share: f64, node: &CurveNode<N>) -> f64 {
     let (m, sharpness) = (node.midpoint, node.sharpness);
     let mut s = if share < m { 0.5 * share / m } else { 0.5 + 0.5 * (share - m) / (1.0 - m) };

@@ -1,4 +1,4 @@
-//! Converts the opacities and colours of another program's file to a [`TransferFunction`], with warnings about
+//! Conversion of a transfer function from another program's file to a [`TransferFunction`], with warnings about
 //! losses.
 
 use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve};
@@ -9,50 +9,51 @@ use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 /// Transfer function read from a file, with the warnings of its import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
-    /// Transfer function that was read.
+    /// Transfer function that was read from the file, after conversion.
     pub tf: TransferFunction,
-    /// Warnings about what the import skipped, approximated or assumed, one line each.
+    /// Warnings about parts of the transfer-function file that the import skipped, approximated or assumed, one line
+    /// each.
     pub warnings: Vec<String>,
     /// Name of the file format of the imported transfer function, as in [`super::TRANSFER_FORMATS`].
     pub format: &'static str,
 }
 
-/// Transfer function of another program before conversion.
+/// Transfer function as another program's file describes it, before conversion to a [`TransferFunction`].
 #[derive(Debug)]
 pub struct Foreign {
-    /// Name of the other program's file format.
+    /// Name of the other program's transfer-function format.
     pub format: &'static str,
-    /// Name of the transfer function in its file.
+    /// Name that the file gives to the transfer function.
     pub name: String,
     /// Whether the transfer function's scalar values are fractions of a volume's value range.
     pub has_fractions: bool,
-    /// Opacity curve of the transfer function, per `reference_length_mm`.
+    /// Opacity curve of the transfer function, as opacity over a length of `reference_length_mm`.
     pub opacity: Vec<CurveNode<1>>,
     /// Colour curve of the transfer function, gamma-encoded sRGB in `[0, 1]`.
     pub color: Vec<CurveNode<3>>,
-    /// Interpolation between the colours of the transfer function.
+    /// Way in which colours of the transfer function are interpolated between the nodes of its colour curve.
     pub color_interpolation: Interpolation<3>,
     /// Length to which the transfer function's opacities refer, mm; `None` if the file does not give it.
     pub reference_length_mm: Option<f64>,
-    /// Warnings of the import so far.
+    /// Warnings about the transfer-function file that were collected so far during its import.
     pub warnings: Vec<String>,
 }
 
-/// Name of the units of a transfer function whose values are fractions of a volume's value range.
+/// Unit name of a transfer function whose scalar values are fractions of a volume's value range.
 pub const FRACTION: &str = "fraction";
 
-/// Largest number of points of an imported transfer function; devices support a few more, which leaves room for
-/// edits.
+/// Largest number of control points of an imported transfer function. Devices support a few more, which leaves room
+/// for edits.
 const MOST_POINTS: usize = 1000;
-/// Largest error of the opacity between two points of an imported transfer function.
+/// Largest error of the opacity between two control points of an imported transfer function.
 const OPACITY_TOLERANCE: f64 = 2e-4;
-/// Largest error of a colour channel between two points of an imported transfer function: half an 8-bit step of
-/// encoded sRGB. Rounding to 8 bits adds as much.
+/// Largest error of a colour channel between two control points of an imported transfer function: half an 8-bit step
+/// of encoded sRGB. Rounding to 8 bits adds an error of equal size.
 const COLOR_TOLERANCE: f64 = 0.5 / 255.0;
 
 impl Foreign {
-    /// Creates a transfer function for import from opacity and colour curves with linear interpolation. All other
-    /// properties are unknown.
+    /// Creates an imported transfer function from its opacity and colour curves, with linear interpolation, no name
+    /// and unknown reference length.
     pub fn new(format: &'static str, opacity: Vec<CurveNode<1>>, color: Vec<CurveNode<3>>) -> Self {
         Self {
             format,
@@ -66,19 +67,19 @@ impl Foreign {
         }
     }
 
-    /// Creates a piecewise-linear transfer function for import through points of value, red, green, blue and opacity.
+    /// Creates a piecewise-linear imported transfer function through points of scalar value, red, green, blue and
+    /// opacity.
     pub fn through(format: &'static str, points: &[[f64; 5]]) -> Self {
         let opacity = points.iter().map(|[v, _, _, _, o]| CurveNode::straight(*v, [*o])).collect();
         let color = points.iter().map(|[v, r, g, b, _]| CurveNode::straight(*v, [*r, *g, *b])).collect();
         Self::new(format, opacity, color)
     }
 
-    /// Converts another program's transfer function to a [`TransferFunction`]. Curved opacities are sampled. Colours
-    /// get additional points, so that interpolation in linear light differs from the original by less than an 8-bit
-    /// step.
+    /// Converts another program's transfer function to a [`TransferFunction`]. Curved opacities are sampled.
+    /// Additional points keep the colours, which are interpolated in linear light here, within an 8-bit step of the
+    /// original.
     ///
-    /// # Errors
-    /// The curves are invalid, or break a rule of transfer functions.
+    /// # Errors The curves are invalid, or the transfer function breaks the rules of this program's own files.
     pub fn convert(self) -> Result<Imported, String> {
         let mut warnings = self.warnings;
         let opacity = curve_in_range(self.opacity, "opacities", &Interpolation::LINEAR, &mut warnings)?;
@@ -140,7 +141,7 @@ impl Foreign {
 const ASSUMED_LENGTH: &str =
     "the file does not say over what length its opacities are: 1 mm is assumed (--opacity-scale changes it)";
 
-/// Builds an opacity or colour curve, and clamps its opacities or colours to `[0, 1]` with a warning.
+/// Builds an opacity or colour curve from nodes, and clamps opacities or colours outside `[0, 1]` with a warning.
 ///
 /// # Errors
 /// The nodes are invalid.
@@ -170,7 +171,8 @@ pub fn curve_in_range<const N: usize>(
     Ok(curve)
 }
 
-/// Interpolates two points as [`TransferFunction`] does: colours in linear light, opacities linearly.
+/// Interpolates two points of red, green, blue and opacity like [`TransferFunction`]: colours in linear light,
+/// opacities linearly.
 fn in_linear_light(a: &[f64; 4], b: &[f64; 4], share: f64) -> [f64; 4] {
     let mixed = |i: usize| {
         let [a, b] = [a[i], b[i]].map(linear_from_srgb);

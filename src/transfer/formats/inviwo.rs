@@ -1,16 +1,16 @@
 //! Reader of Inviwo's transfer functions (`.itf`). The XML holds points with a position and a colour `rgba`, and a
-//! mask outside of which the volume is invisible. Positions are 0 to 1 over the data's range (`type` 0, relative) or
-//! values (1, absolute).
+//! mask: a range outside of which the volume is invisible. Positions are fractions of the data's range (`type` 0,
+//! relative) or scalar values (1, absolute).
 
 use super::curve::{CurveNode, Interpolation, LimitSide, MOST_NODES, MOST_VALUE, NodeCurve};
 use super::import::{Foreign, Imported, curve_in_range};
 use crate::files::xml;
 use roxmltree::Node as Element;
 
-/// Largest number of XML elements of an `.itf` file; a point has about seven.
+/// Largest number of XML elements of an `.itf` file; a point of its transfer function has about seven.
 const MOST_ELEMENTS: u32 = 8 * MOST_NODES as u32;
 
-/// Whether the text of a file is XML, as of Inviwo's `.itf`.
+/// Whether the text of a file is XML, which Inviwo's `.itf` files are.
 pub fn is_one(text: &str) -> bool {
     text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
 }
@@ -52,7 +52,7 @@ pub fn read(text: &str) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Reads position, red, green, blue and opacity of a point in an `.itf` file.
+/// Reads the position, red, green, blue and opacity of a transfer-function point in an Inviwo `.itf` file.
 fn point(element: Element<'_, '_>) -> Result<[f64; 5], String> {
     let child = |name: &str| {
         element.children().find(|e| e.has_tag_name(name)).ok_or_else(|| format!("a point has no `{name}`"))
@@ -67,7 +67,8 @@ fn number(element: &Element<'_, '_>, attribute: &str) -> Option<f64> {
     element.attribute(attribute)?.trim().parse().ok()
 }
 
-/// Returns the nodes of an opacity curve that is set to 0 below `min` and from `max` on (Inviwo's mask).
+/// Returns the nodes of an opacity curve after it is set to 0 below `min` and from `max` on (the mask of an Inviwo
+/// file).
 fn masked(opacity: &NodeCurve<1>, min: Option<f64>, max: Option<f64>) -> Vec<CurveNode<1>> {
     let first = opacity.values().fold(0.0, f64::min);
     let last = opacity.values().fold(1.0, f64::max);

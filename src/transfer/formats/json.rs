@@ -1,4 +1,4 @@
-//! Reads numbers from JSON objects of transfer-function files, with errors that name the key.
+//! Reads numbers from the JSON objects of transfer-function files, with errors that name the key.
 
 use serde_json::{Map, Value};
 
@@ -24,10 +24,9 @@ pub fn number(object: &Object, key: &str) -> Result<Option<f64>, String> {
     value.as_f64().map(Some).ok_or_else(|| format!("`{key}` is not a number"))
 }
 
-/// Splits a list of numbers into groups of `N`.
+/// Splits a list of numbers from a transfer-function file into groups of `N`, such as a value with its opacity.
 ///
-/// # Errors
-/// Their count is no multiple of `N`.
+/// # Errors The list's length is no multiple of `N`.
 pub fn groups<const N: usize>(numbers: &[f64], key: &str) -> Result<Vec<[f64; N]>, String> {
     let (groups, rest) = numbers.as_chunks::<N>();
     match rest.is_empty() {
@@ -36,7 +35,7 @@ pub fn groups<const N: usize>(numbers: &[f64], key: &str) -> Result<Vec<[f64; N]
     }
 }
 
-/// Whether a key of a JSON object is present and true, as a boolean or a number.
+/// Whether a key of a JSON object exists with a true value: `true` or a number other than 0.
 pub fn is_set(object: &Object, key: &str) -> bool {
     object.get(key).is_some_and(|v| v.as_bool().unwrap_or_else(|| v.as_f64().is_some_and(|x| x != 0.0)))
 }

@@ -1,8 +1,8 @@
 //! Readers and writers of other programs' transfer-function files. A format is one file here and one entry of
 //! [`TRANSFER_FORMATS`].
 //!
-//! The content of a file decides its format; the name decides where the content does not. Features that a
-//! [`TransferFunction`] lacks are approximated where the error can be stated, else skipped; each causes a warning.
+//! The content of a file decides its format, or else the file's name. Features that a [`TransferFunction`] lacks are
+//! approximated if the error can be stated, and skipped otherwise. Each such feature causes a warning.
 
 mod color_space;
 mod curve;
@@ -28,7 +28,7 @@ use crate::files::input::read_text;
 use serde_json::Value;
 use std::path::Path;
 
-/// Text of a transfer-function file, and its JSON value if it is JSON.
+/// Text of a transfer-function file, with its parsed JSON value if the text is JSON.
 struct FormatInput<'a> {
     text: &'a str,
     json: Option<Value>,
@@ -47,10 +47,10 @@ impl FormatInput<'_> {
 /// Function that writes a transfer function as the text of one file format.
 pub type Write = fn(&TransferFunction) -> Result<Written, String>;
 
-/// File format of transfer functions.
+/// File format of transfer functions: its name, file extension, reader and writer.
 #[derive(Debug)]
 pub struct TransferFormat {
-    /// Name of the transfer-function format for `tf convert --to` and reports.
+    /// Name of the transfer-function format for `tf convert --to` and in messages.
     pub name: &'static str,
     /// Description of the transfer-function format in one line.
     pub about: &'static str,
@@ -62,10 +62,10 @@ pub struct TransferFormat {
     pub write: Option<Write>,
 }
 
-/// Largest transfer-function text that is read, bytes. Its JSON value takes far more memory than the text.
+/// Size of the largest transfer-function file that is read, bytes. Parsed JSON takes far more memory than its text.
 const MOST_BYTES: usize = 16 << 20;
 
-/// List of all transfer-function file formats. The first one that recognises a text reads it.
+/// List of all transfer-function file formats. A file is read by the first format that recognises its text.
 pub const TRANSFER_FORMATS: &[TransferFormat] = &[
     TransferFormat {
         name: "paraview",
@@ -122,7 +122,7 @@ pub const TRANSFER_FORMATS: &[TransferFormat] = &[
 
 const OWN: &str = "umbravox";
 
-/// File extensions of all transfer-function formats for file dialogs; of `.vp.json` only `json`.
+/// File extensions of all transfer-function formats for file dialogs; for `.vp.json` it lists only `json`.
 pub fn endings() -> Vec<&'static str> {
     let mut all: Vec<&str> =
         TRANSFER_FORMATS.iter().map(|f| f.ending.rsplit('.').next().unwrap_or(f.ending)).collect();
@@ -136,10 +136,9 @@ pub fn has_ending(path: &Path) -> bool {
     path.extension().is_some_and(|e| endings().iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Reads a transfer function from the text of a file. `file_name` decides the format if the content does not.
+/// Reads a transfer function from the text of a file. `file_name` decides the file format if the content does not.
 ///
-/// # Errors
-/// The text breaks the format that it seems to have; the reason is one line.
+/// # Errors The text breaks the rules of its file format; the reason is one line.
 pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
     if text.len() > MOST_BYTES {
         return Err("it is longer than any transfer function".into());

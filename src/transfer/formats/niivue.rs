@@ -1,12 +1,12 @@
 //! Reader of the colour maps of MRIcroGL and NiiVue (`.json`): arrays `R`, `G`, `B`, `A` of 0 to 255 at the positions
-//! `I` from 0 to 255. The positions cover `min` to `max` if the file gives them, else the displayed range
-//! (<https://niivue.com/docs/colormaps2>).
+//! `I` from 0 to 255. The positions span the range from `min` to `max`, or the displayed range if the file has no
+//! limits (<https://niivue.com/docs/colormaps2>).
 
 use super::import::{Foreign, Imported};
 use super::json;
 use serde_json::Value;
 
-/// Largest position, and largest colour or opacity, in a NiiVue colour map.
+/// Largest position, colour channel and opacity in a colour map of MRIcroGL or NiiVue.
 const TOP: f64 = 255.0;
 
 /// Whether a JSON value is a colour map of MRIcroGL or NiiVue.
@@ -16,8 +16,7 @@ pub fn is_one(value: &Value) -> bool {
 
 /// Reads a colour map of MRIcroGL or NiiVue as a transfer function.
 ///
-/// # Errors
-/// The map is of labels, its arrays differ in length, or its range is empty.
+/// # Errors The colour map is for segmentation labels, its arrays differ in length, or its value range is empty.
 pub fn read(value: &Value) -> Result<Imported, String> {
     let map = value.as_object().ok_or("it is no object")?;
     if map.contains_key("labels") {

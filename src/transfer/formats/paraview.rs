@@ -16,15 +16,14 @@ pub fn is_one(value: &Value) -> bool {
     object_of(value).is_some_and(|map| KEYS.iter().any(|key| map.contains_key(*key)))
 }
 
-/// First ParaView colour map of a JSON value.
+/// Returns the first ParaView colour map in a JSON value, which is a colour map or a list of them.
 fn object_of(value: &Value) -> Option<&Object> {
     value.as_array().map_or(Some(value), |all| all.first()).and_then(Value::as_object)
 }
 
-/// Reads the first ParaView colour map of a JSON value as a transfer function.
+/// Reads the first ParaView colour map in a JSON value as a transfer function.
 ///
-/// # Errors
-/// There is no map, or a number in it is missing or out of range.
+/// # Errors There is no colour map, or a number in it is missing or out of range.
 pub fn read(value: &Value) -> Result<Imported, String> {
     let map = object_of(value).ok_or("it holds no colour map")?;
     let name = map.get("Name").and_then(Value::as_str).unwrap_or_default().to_owned();
@@ -81,7 +80,8 @@ pub fn read(value: &Value) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Returns the function that interpolates colours of a ParaView colour map. A warning says if they are sampled.
+/// Returns the function that interpolates the colours of a ParaView colour map. It adds a warning if the map's colour
+/// space requires sampling, or is unknown.
 fn color_mix(map: &Object, warnings: &mut Vec<String>) -> Mix<3> {
     let wrapped = !map.contains_key("HSVWrap") || json::is_set(map, "HSVWrap");
     let space = map.get("ColorSpace").and_then(Value::as_str).unwrap_or("RGB");

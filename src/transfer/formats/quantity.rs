@@ -1,26 +1,27 @@
-//! Converts a transfer function between opacity and extinction, or to another reference length.
+//! Converts a transfer function from opacity to extinction or back, or to another reference length of opacities.
 
 use super::curve::{LimitSide, NodeCurve, linear};
 use super::sampling::{SamplePoint, Sampled};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
-/// Largest error of the extinction between two points of a converted transfer function: relative, and absolute near
-/// 0.
+/// Largest error of the extinction between two control points of a converted transfer function: relative, and
+/// absolute near 0.
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
-/// Largest number of points of a converted transfer function. Functions of several labels share the intervals on the
-/// device.
+/// Largest number of control points of a converted transfer function. The functions of several segmentation labels
+/// share one set of device tables.
 const MOST_POINTS: usize = 250;
 
-/// Whether two transfer functions store the same quantity (opacity or extinction) for the same reference length. Only
-/// then can one set of device tables store both.
+/// Whether two transfer functions store the same quantity: both extinction, or both opacity for the same reference
+/// length.
 pub fn have_same_quantity(a: &TransferFunction, b: &TransferFunction) -> bool {
     let same_length = a.quantity == Quantity::Extinction || a.reference_length_mm == b.reference_length_mm;
     a.quantity == b.quantity && same_length
 }
 
-/// Samples the transfer function `tf` in the quantity (opacity or extinction) and reference length of `like`, with at
-/// most `most` points. `error` compares two amounts, in units of the tolerance. The largest error is returned, too.
+/// Samples the transfer function `tf` with at most `most` points, in the quantity (opacity or extinction) and
+/// reference length of `like`. It also returns the largest error between the points; `error` measures it in units of
+/// the tolerance.
 pub fn sample_amounts(
     tf: &TransferFunction,
     like: &TransferFunction,
@@ -41,9 +42,9 @@ pub fn sample_amounts(
     Sampled { breaks: tf.point_values(), at: &at, between: linear, error }.points(most)
 }
 
-/// Converts the transfer function `tf` to the quantity (opacity or extinction) and reference length of `like`.
-/// Straight segments become curves, which are sampled with a tolerance of a thousandth of the extinction. The largest
-/// relative error is returned, too.
+/// Converts the transfer function `tf` to the quantity (opacity or extinction) and reference length of `like`. Curves
+/// between its control points are sampled with a tolerance of 0.1 % of the extinction. It also returns the largest
+/// relative error.
 pub fn with_quantity_of(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
     if have_same_quantity(tf, like) {
         return (tf.clone(), 0.0);

@@ -1,33 +1,37 @@
-//! Adaptive sampling of an opacity or colour function by points, within a tolerance.
+//! Adaptive sampling of an opacity or colour function, so that interpolation between the samples is within a
+//! tolerance.
 
 use super::curve::LimitSide;
 
-/// Sample of an opacity or colour function: the scalar value, and the function there.
+/// Sample of an opacity or colour function: a scalar value, and the opacity or colour there.
 pub type SamplePoint<const N: usize> = (f64, [f64; N]);
 
-/// Opacity or colour function to be sampled, with the interpolation between samples and the error measure.
+/// Opacity or colour function to be sampled, with the interpolation between samples and the measure of its error.
 pub struct Sampled<'a, const N: usize> {
-    /// Scalar values at which the function may bend or jump: ascending, distinct, at least one.
+    /// Scalar values at which the opacity or colour function may bend or jump: ascending, distinct, at least one.
     pub breaks: Vec<f64>,
-    /// Opacity or colour function to be sampled.
+    /// Opacity or colour function to be sampled, evaluated at a scalar value from a given side.
     pub at: &'a dyn Fn(f64, LimitSide) -> [f64; N],
     /// Function that interpolates between two samples of an opacity or colour function; its last argument is the
     /// weight of the second sample.
     pub between: fn(&[f64; N], &[f64; N], f64) -> [f64; N],
-    /// Error of an interpolated amount (second argument) against the exact one (first), in units of the tolerance.
+    /// Function that measures the error of an interpolated opacity or colour (second argument) against the exact one
+    /// (first), in units of the tolerance.
     pub error: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
 }
 
-/// Largest number of successive bisections of a segment between two breaks of the sampled function.
+/// Largest number of successive bisections of the range between two breakpoints of the sampled opacity or colour
+/// function.
 const MOST_HALVINGS: u32 = 12;
-/// Largest number of all samples of a function, which bounds the memory that a file can claim.
+/// Largest number of samples of an opacity or colour function. It bounds the memory that reading a file can take.
 const MOST_POINTS: usize = 1 << 17;
-/// Number of equal parts of a segment between two samples; the error is evaluated at the points between them.
+/// Number of equal parts into which the range between two samples is divided. The interpolation error is evaluated at
+/// the points between the parts.
 const PROBES: u32 = 8;
 
 impl<const N: usize> Sampled<'_, N> {
-    /// Samples the opacity or colour function with at most `most` points (at least 2). The largest error in units of
-    /// the tolerance is returned, too.
+    /// Samples the opacity or colour function with at most `most` points (at least 2). It also returns the largest
+    /// interpolation error, in units of the tolerance.
     pub fn points(&self, most: usize) -> (Vec<SamplePoint<N>>, f64) {
         let all = self.within_tolerance();
         let mut points = all.clone();
@@ -64,7 +68,8 @@ impl<const N: usize> Sampled<'_, N> {
         points
     }
 
-    /// Bisects a segment of the sampled function until its error is within the tolerance.
+    /// Bisects the range between two samples of the opacity or colour function until the interpolation error is
+    /// within the tolerance.
     fn bisect(&self, a: SamplePoint<N>, b: SamplePoint<N>, left: u32, points: &mut Vec<SamplePoint<N>>) {
         let middle = 0.5 * (a.0 + b.0);
         if left == 0 || middle <= a.0 || middle >= b.0 || self.worst_between(&a, &b) <= 1.0 {
@@ -85,7 +90,8 @@ impl<const N: usize> Sampled<'_, N> {
         (1..PROBES).map(error).fold(0.0, f64::max)
     }
 
-    /// Largest error of the samples' interpolation against the function, in units of the tolerance.
+    /// Returns the largest error of the interpolation between samples of an opacity or colour function, in units of
+    /// the tolerance.
     pub fn worst(&self, points: &[SamplePoint<N>]) -> f64 {
         let segments = points.windows(2).filter(|w| w[1].0 > w[0].0);
         let within = segments.map(|w| self.worst_between(&w[0], &w[1]));
@@ -107,8 +113,8 @@ impl<const N: usize> Sampled<'_, N> {
         within.chain(at_breaks).fold(0.0, f64::max)
     }
 
-    /// Removes samples that the interpolation of their neighbours reproduces within `allowed` tolerances. Segments
-    /// become as long as possible.
+    /// Removes samples of the opacity or colour function that interpolation of the remaining ones reproduces within
+    /// `allowed` tolerances. The distances between the remaining samples become as large as possible.
     fn thinned(&self, all: &[SamplePoint<N>], allowed: f64) -> Vec<SamplePoint<N>> {
         let good = |from: usize, to: usize| {
             let (a, b) = (&all[from], &all[to]);

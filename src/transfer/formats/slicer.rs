@@ -1,16 +1,16 @@
-//! Reader of 3D Slicer's volume properties: `.vp`, nine lines of text (its developer guide, *Volume rendering*, names
-//! them), and `.vp.json`, which also gives the length to which opacities refer.
+//! Reader of 3D Slicer's volume properties (transfer functions with shading): `.vp`, nine lines of text, and
+//! `.vp.json`, which also gives the reference length of opacities.
 //!
-//! The lines of a `.vp`: interpolation, shading, diffuse, ambient, specular, specular power, then scalar opacity,
-//! gradient opacity and colour. Each of the last three is a count of numbers and the numbers: value and opacity, or
-//! value and red, green, blue.
+//! The lines of a `.vp` are: interpolation, shading, diffuse, ambient, specular, specular power, scalar opacity,
+//! gradient opacity and colour. Each of the last three is a count of numbers, then the numbers: value and opacity, or
+//! value and red, green, blue. 3D Slicer's developer guide, *Volume rendering*, names the lines.
 
 use super::curve::{CurveNode, Interpolation};
 use super::import::{Foreign, Imported};
 use super::json::{self, Object};
 use serde_json::Value;
 
-/// Whether a JSON value is a volume property of 3D Slicer.
+/// Whether a JSON value is a 3D Slicer volume property (`.vp.json` file).
 pub fn is_json(value: &Value) -> bool {
     value.get("volumeProperties").is_some()
 }
@@ -26,8 +26,7 @@ fn first_number(line: &str) -> Option<f64> {
 
 /// Reads a transfer function from the text of a 3D Slicer `.vp` file.
 ///
-/// # Errors
-/// A line is missing, or has fewer numbers than it claims.
+/// # Errors A line is missing, or has fewer numbers than its count says.
 pub fn read_vp(text: &str) -> Result<Imported, String> {
     let lines: Vec<&str> = text.lines().collect();
     let single = |line: usize, what: &str| {
@@ -51,8 +50,8 @@ pub fn read_vp(text: &str) -> Result<Imported, String> {
     Foreign { warnings, ..Foreign::new("vp", opacity, color) }.convert()
 }
 
-/// Reads the points in a line of a `.vp` file: a count of numbers, then the numbers. The rest of the line is a
-/// comment.
+/// Reads the curve points in a line of a 3D Slicer `.vp` file: a count of numbers, then the numbers. Text after them
+/// is a comment.
 fn points<const N: usize>(lines: &[&str], line: usize, what: &str) -> Result<Vec<[f64; N]>, String> {
     let place = format!("line {}, the {what}", line + 1);
     let mut words = lines.get(line).ok_or_else(|| format!("{place} is missing"))?.split_whitespace();
@@ -137,7 +136,8 @@ pub fn read_json(value: &Value) -> Result<Imported, String> {
     foreign.convert()
 }
 
-/// Returns the points of one function in a `.vp.json` file, such as its scalar opacity; `None` if it is missing.
+/// Returns the points of one curve in a 3D Slicer `.vp.json` file, such as the scalar opacity; `None` if the file
+/// does not contain it.
 fn function<'a>(component: &'a Object, key: &str) -> Result<Option<Vec<&'a Object>>, String> {
     let Some(function) = component.get(key) else { return Ok(None) };
     let points = function.get("points").and_then(Value::as_array);

@@ -33,7 +33,7 @@ fn read(text: &str) -> Imported {
     from_text(text, "").unwrap_or_else(|why| panic!("{text}: {why}"))
 }
 
-/// Opacity over the reference length, and encoded colour, of a transfer function at a scalar value.
+/// Opacity over the reference length, and gamma-encoded colour, of a transfer function at a scalar value.
 fn opacity_and_color(tf: &TransferFunction, value: f64) -> (f64, [f64; 3]) {
     (tf.amount(value), tf.color(value).map(srgb_from_linear))
 }
@@ -234,7 +234,8 @@ fn broken_files_are_refused_in_one_line() {
     }
 }
 
-/// A damaged transfer-function file gives an error, or a function that obeys the rules of this program's own files.
+/// Reading a damaged transfer-function file gives an error, or a function that obeys the rules of this program's own
+/// files.
 #[test]
 fn mutants_of_every_file_are_read_or_refused() {
     let mut random = fastrand::Rng::with_seed(1);
@@ -273,7 +274,8 @@ fn mutants_of_every_file_are_read_or_refused() {
     assert!(valid > 1000, "some mutants are still functions: {valid}");
 }
 
-/// Files with many points or long text are read quickly, and give functions that fit a device.
+/// Transfer-function files with many points or long text are read quickly, and give functions small enough for a
+/// device.
 #[test]
 fn large_files_become_functions_that_a_device_can_hold() {
     let wild = |i: usize| (i * 7919 % 1000) as f64 / 1000.0;

@@ -1,5 +1,5 @@
-//! Writes transfer functions in the formats of other programs, as lists of opacities over 1 mm and of encoded sRGB
-//! colours. Those programs interpolate linearly between the list's points.
+//! Writes transfer functions in the formats of other programs, as lists of opacities over 1 mm and of gamma-encoded
+//! sRGB colours. The other programs interpolate linearly between the entries of a list.
 
 use super::curve::{LimitSide, NodeCurve, linear};
 use super::import::FRACTION;
@@ -9,29 +9,32 @@ use crate::files::color::srgb_from_linear;
 use crate::transfer::{MAX_OPACITY, Quantity, TransferFunction};
 use serde_json::json;
 
-/// Text of an exported transfer-function file, with warnings about what the file cannot store.
+/// Text of an exported transfer-function file, with warnings about features that the file cannot store.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
     /// Text of the exported transfer-function file.
     pub text: String,
-    /// Warnings about what the exported file cannot store, one line each.
+    /// Warnings about features of the transfer function that the exported file cannot store, one line each.
     pub warnings: Vec<String>,
 }
 
-/// Largest error of an opacity between two exported points: relative, and absolute near 0.
+/// Largest error of the opacity between two points of an exported transfer function: relative, and absolute near 0.
 const OPACITY_SHARE: f64 = 1e-3;
 const OPACITY_LEAST: f64 = 1e-6;
-/// Largest error of an exported colour channel: a quarter of an 8-bit step.
+/// Largest error of a colour channel between two points of an exported transfer function: a quarter of an 8-bit step.
 const COLOR_TOLERANCE: f64 = 0.25 / 255.0;
-/// Smallest export errors that cause a warning: relative for opacities, in 8-bit steps for colours.
+/// Errors of an exported transfer function above which the user gets a warning: relative for opacities, in 8-bit
+/// steps for colours.
 pub(super) const OPACITY_WARNING: f64 = 0.01;
 pub(super) const COLOR_WARNING: f64 = 1.0;
-/// Largest number of points of an exported list; ParaView's editor shows each as a handle.
+/// Largest number of opacities or colours of an exported transfer function. ParaView's editor shows a handle for each
+/// of them.
 const MOST_POINTS: usize = 1000;
-/// Longest line that 3D Slicer reads, characters. After a longer line it loses the lines that follow.
+/// Longest line of a `.vp` file that 3D Slicer reads correctly, characters. After a longer line it loses the lines
+/// that follow.
 const MOST_LINE: usize = 1023;
 
-/// Exported lists of a transfer function: opacities over 1 mm, and encoded sRGB colours.
+/// Samples of an exported transfer function: opacities over 1 mm, and gamma-encoded sRGB colours.
 struct Lists {
     opacity: Vec<SamplePoint<1>>,
     color: Vec<SamplePoint<3>>,
@@ -39,7 +42,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Samples a transfer function for export, with limits on the number of opacities and colours.
+    /// Samples a transfer function for export; `most` limits the numbers of opacities and of colours.
     fn of(tf: &TransferFunction, most: [usize; 2]) -> Self {
         let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
         let color = |value: f64, side: LimitSide| colors.at(value, side).map(srgb_from_linear);
@@ -73,7 +76,8 @@ impl Lists {
     }
 }
 
-/// Separates the two points of a jump by one rounding step, since the other programs allow one point for each value.
+/// Separates the two points of a jump in an exported list by one rounding step, since other programs allow one point
+/// for each scalar value.
 fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint<N>> {
     for i in 1..points.len() {
         if points[i - 1].0 == points[i].0 {
@@ -83,7 +87,7 @@ fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint
     points
 }
 
-/// Extends an exported list to both ends of a value range, and to at least two points.
+/// Extends an exported list of opacities or colours to both ends of a value range, and to at least two points.
 fn extended<const N: usize>(mut points: Vec<SamplePoint<N>>, range: Option<[f64; 2]>) -> Vec<SamplePoint<N>> {
     if let Some([low, high]) = range {
         let (first, last) = (points[0], points[points.len() - 1]);
@@ -107,8 +111,7 @@ pub fn has_fractions(tf: &TransferFunction) -> bool {
 
 /// Writes a transfer function as a ParaView colour map (JSON).
 ///
-/// # Errors
-/// None; the signature is that of all formats.
+/// # Errors It never fails; writers of all formats share this return type.
 pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     let Lists { opacity, color, mut warnings } = Lists::of(tf, [MOST_POINTS; 2]);
     let (first, last) = (tf.points[0].value, tf.points[tf.points.len() - 1].value);
@@ -134,8 +137,7 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
 
 /// Writes a transfer function as a 3D Slicer `.vp` file.
 ///
-/// # Errors
-/// The function's values are fractions of a range, which the format cannot express.
+/// # Errors The transfer function's values are fractions of a volume's value range, which the format cannot express.
 pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
     if has_fractions(tf) {
         let why = "its values are fractions of a volume's range, and a .vp holds values: give --range LO,HI";
@@ -161,7 +163,8 @@ pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
     }
 }
 
-/// Formats a line of a `.vp` file: the count of numbers, then value and opacity or colour of each point.
+/// Formats a line of a 3D Slicer `.vp` file: the count of numbers, then scalar value and opacity or colour of each
+/// point.
 fn line<const N: usize>(points: &[SamplePoint<N>]) -> String {
     let mut text = (points.len() * (N + 1)).to_string();
     for (value, amounts) in points {

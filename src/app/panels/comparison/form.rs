@@ -1,4 +1,4 @@
-//! Form with the settings of a method comparison: shadow methods, sample counts, picture size and output folder.
+//! Form for a comparison of shadow methods: methods with settings, sample counts, picture size and output folder.
 
 use crate::app::panels::browse::Browse;
 use crate::app::panels::widgets::error_label;
@@ -9,10 +9,10 @@ use crate::shadow::{COMPARED, Entry, METHODS, Method, parse_list};
 use eframe::egui;
 use std::path::{Path, PathBuf};
 
-/// Width of the column of labels in the comparison form, screen points.
+/// Width of the label column in the form for a comparison of shadow methods, screen points.
 const LABEL_WIDTH: f32 = 140.0;
 
-/// Shadow method in the comparison form, with its settings in the syntax of `--methods`.
+/// Entry of a shadow method in the comparison form, with the method's settings as `--methods` takes them.
 pub struct MethodRows {
     entry: &'static Entry,
     pub selected: bool,
@@ -20,8 +20,8 @@ pub struct MethodRows {
 }
 
 impl MethodRows {
-    /// Creates the form entry of a shadow method, with the default settings of `umbravox compare`. Methods outside
-    /// that default are not selected.
+    /// Creates the form entry of a shadow method, with the settings that `umbravox compare` uses by default. Only
+    /// methods that it compares by default are selected.
     fn new(entry: &'static Entry) -> Self {
         let is_entry = |spec: &&str| spec.split(':').next().is_some_and(|name| name.trim() == entry.name);
         let default = COMPARED.split(';').find(is_entry);
@@ -40,14 +40,14 @@ impl MethodRows {
     }
 }
 
-/// Form with the settings of a method comparison, as the user edits them.
+/// Form with the settings of a comparison of shadow methods, as the user edits them.
 pub struct Form {
     pub families: Vec<MethodRows>,
     pub effort: Effort,
-    /// Width and height of the compared pictures, pixels.
+    /// Width and height of the pictures in a comparison of shadow methods, pixels.
     pub size: [u32; 2],
     pub folder: String,
-    /// Whether the comparison resumes from the journal in its output folder.
+    /// Whether a comparison of shadow methods resumes from the measurements recorded in its output folder.
     pub resume: bool,
     pub folder_error: Option<Error>,
     browse: Browse,
@@ -68,10 +68,11 @@ impl Default for Form {
 }
 
 impl Form {
-    /// Shadow methods selected in the comparison form. Each becomes one row of the comparison table.
+    /// Shadow methods with settings that are selected in the comparison form. Each becomes one row of the comparison
+    /// table.
     ///
     /// # Errors
-    /// Invalid settings, or no method.
+    /// Invalid settings of a shadow method, or no method is selected.
     pub fn methods(&self) -> Result<Vec<Box<dyn Method>>> {
         let selected = self.families.iter().filter(|f| f.selected);
         let methods = selected.map(MethodRows::methods).collect::<Result<Vec<_>>>()?;
@@ -82,10 +83,10 @@ impl Form {
         }
     }
 
-    /// Output folder of the comparison, from the form.
+    /// Output folder for the comparison of shadow methods, as entered in the form.
     ///
     /// # Errors
-    /// No name, or the name of a file.
+    /// The entered name is empty, or a folder of this name cannot be used.
     pub fn folder(&self) -> Result<PathBuf> {
         let folder = self.folder.trim();
         if folder.is_empty() {
@@ -95,7 +96,7 @@ impl Form {
         Ok(folder.into())
     }
 
-    /// Shows the comparison form. `view_size` is the size of the picture in the window, pixels.
+    /// Shows the form for a comparison of shadow methods. `view_size` is the size of the viewer's picture, pixels.
     pub fn show(&mut self, ui: &mut egui::Ui, view_size: Option<[u32; 2]>) {
         let field = (ui.available_width() - LABEL_WIDTH).clamp(120.0, 430.0);
         egui::Grid::new("families").num_columns(2).show(ui, |ui| {

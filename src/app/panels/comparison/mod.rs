@@ -1,5 +1,5 @@
-//! Comparison window (`File > Compare methods…`): measures the table of `umbravox compare` for the open document, in
-//! the background.
+//! Window (`File > Compare methods…`) that compares shadow methods on the open volume in the background. It measures
+//! the same table as `umbravox compare`.
 //!
 //! Volume, transfer function and scene are copied at the start; later edits do not change the table.
 
@@ -30,50 +30,52 @@ use task::{CurrentStep, FinishedTable, REMARK, TableRequest, Update};
 /// Title of the window that compares shadow methods.
 pub const TITLE: &str = "Comparison";
 
-/// Maximum time that closing the window waits for the running measurement step of a comparison.
+/// Maximum time for which closing the window waits for the current measurement of a comparison of shadow methods.
 const LAST_STEP: Duration = Duration::from_secs(3);
-/// Interval between two updates of the comparison's progress. Each update draws a frame of the user interface, which
-/// disturbs timings.
+/// Interval between two updates of the progress display while shadow methods are compared. Each update draws a frame
+/// of the user interface, which disturbs timings.
 const REFRESH: Duration = Duration::from_millis(300);
 const REFRESH_WHILE_TIMING: Duration = Duration::from_millis(1000);
 
-/// Function that opens a file in another program, such as the comparison report in a web browser.
+/// Function that opens a file in another program, such as the report of a comparison of shadow methods in a web
+/// browser.
 pub type Opener = fn(&Path) -> std::io::Result<()>;
 
-/// Comparison window: measures several shadow methods on the open document in a background task.
+/// Window that compares shadow methods on the open volume in a background task.
 #[derive(Default)]
 pub struct Comparison {
     pub open: bool,
     form: Form,
-    /// Whether the comparison form collapses in the next frame, to make space for the table of results.
+    /// Whether the comparison form collapses in the next frame, to make space for the table of measured results.
     collapse: bool,
     running: Option<(Task<Update>, Option<CurrentStep>)>,
     outcome: Option<Result<Box<FinishedTable>>>,
     results: Results,
-    /// Function that opens the comparison report. `None` uses the system's default program.
+    /// Function that opens the report of a comparison of shadow methods. `None` uses the system's default program.
     pub opener: Option<Opener>,
     open_error: Option<Error>,
 }
 
 impl Drop for Comparison {
-    /// Cancels a running comparison and waits for its current step, which uses the graphics device.
+    /// Cancels a running comparison of shadow methods and waits for its current measurement, which uses the graphics
+    /// device.
     fn drop(&mut self) {
         self.running.iter().for_each(|(task, _)| task.end_within(LAST_STEP));
     }
 }
 
 impl Comparison {
-    /// Completed fraction of the running comparison, 0 to 1; `None` while no comparison runs.
+    /// Completed fraction of the running comparison of shadow methods, 0 to 1; `None` while none runs.
     pub fn share(&self) -> Option<f32> {
         self.running.as_ref().map(|(_, step)| step.as_ref().map_or(0.0, |step| step.share))
     }
 
-    /// Rows of the comparison table measured so far, unsorted.
+    /// Rows measured so far of the table that compares shadow methods, unsorted.
     pub fn rows(&self) -> Vec<Row> {
         self.results.rows().cloned().collect()
     }
 
-    /// Result of the last comparison of shadow methods; `None` while one runs, or before the first.
+    /// Success or error of the last comparison of shadow methods; `None` while one runs, or before the first.
     pub fn outcome(&self) -> Option<Result<(), &Error>> {
         self.outcome.as_ref().map(|outcome| outcome.as_ref().map(|_| ()))
     }
@@ -112,7 +114,7 @@ impl Comparison {
         }
     }
 
-    /// Handles the progress, rows and result that the background comparison has sent.
+    /// Handles the progress, table rows and final result that the background comparison of shadow methods has sent.
     pub fn take_updates(&mut self, model: &mut Model, context: &egui::Context) {
         let Some((task, step)) = &mut self.running else { return };
         let (mut ended, rows) = (None, self.results.rows().len());
@@ -149,7 +151,7 @@ impl Comparison {
         self.outcome = Some(outcome);
     }
 
-    /// Shows the comparison window if it is open.
+    /// Shows the window that compares shadow methods, if it is open.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         if !self.open {
             return;
@@ -196,7 +198,8 @@ impl Comparison {
         }
     }
 
-    /// Shows the Start button of the comparison, or its progress and the Cancel button.
+    /// Shows the Start button of the comparison window; while shadow methods are compared, shows the progress and a
+    /// Cancel button.
     fn buttons(&mut self, ui: &mut egui::Ui, model: &Model) {
         if let Some((task, step)) = &self.running {
             let cancel = ui.add_enabled(!task.is_cancelled(), egui::Button::new("Cancel comparison"));

@@ -1,4 +1,4 @@
-//! Sortable table of results in the comparison window, one row per shadow method.
+//! Sortable table in the comparison window, with one row of measured results per shadow method.
 
 use crate::measure::table::{COLUMNS, Row};
 use crate::measure::timing::clock_name;
@@ -8,7 +8,7 @@ use eframe::egui::{self, RichText};
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
 
-/// Columns of `compare.csv` that the comparison window shows.
+/// Columns of the comparison table (`compare.csv`) that the comparison window shows.
 const SHOWN: [&str; 13] = [
     "method",
     "params",
@@ -29,7 +29,7 @@ const TABLE_HEIGHT: f32 = 380.0;
 /// Width of the sort arrow in a column heading of the comparison table, screen points.
 const ARROW_WIDTH: f32 = 12.0;
 
-/// Formats a cell of `compare.csv` for display: numbers with three significant digits.
+/// Formats a cell of the comparison table (`compare.csv`) for display: numbers get three significant digits.
 fn shown(cell: &str) -> String {
     match cell.parse::<f64>() {
         // Counts have no decimal places.
@@ -51,24 +51,25 @@ fn order(a: &str, b: &str, descending: bool) -> Ordering {
     if descending { order.reverse() } else { order }
 }
 
-/// Row of the comparison table, with the texts of its cells.
+/// Row of the table that compares shadow methods, with the texts of its cells.
 struct TableRow {
     row: Row,
-    /// Texts of the displayed cells of this row, as in `compare.csv`.
+    /// Texts of the cells shown for this row of the comparison table, as in `compare.csv`.
     cells: Vec<String>,
 }
 
-/// Table of a finished or running comparison, with the sort order that the user chose.
+/// Table of a finished or running comparison of shadow methods, with the sort order that the user chose.
 #[derive(Default)]
 pub struct Results {
     rows: Vec<TableRow>,
-    /// Column by which the comparison table is sorted, and whether in descending order; `None` for the order of
-    /// measurement.
+    /// Index of the column by which the comparison table is sorted, and whether in descending order; `None` for the
+    /// order of measurement.
     sort: Option<(usize, bool)>,
 }
 
 impl Results {
-    /// Stores a row of the comparison table at its index, or appends it.
+    /// Replaces the row at this index of the table that compares shadow methods, or appends the row if the index is
+    /// new.
     pub fn put(&mut self, place: usize, row: Row) {
         let texts = row.texts();
         let cells = SHOWN.map(|name| texts.get(name).cloned().unwrap_or_default()).to_vec();
@@ -79,19 +80,19 @@ impl Results {
         }
     }
 
-    /// Replaces all rows of the comparison table.
+    /// Replaces all rows of the table that compares shadow methods.
     pub fn replace(&mut self, rows: Vec<Row>) {
         self.rows.clear();
         rows.into_iter().enumerate().for_each(|(place, row)| self.put(place, row));
     }
 
-    /// Rows of the comparison table, unsorted.
+    /// Rows of the table that compares shadow methods, unsorted.
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &Row> {
         self.rows.iter().map(|line| &line.row)
     }
 
-    /// Shows the comparison table and highlights the row of `current`, the shadow method of the picture. Returns the
-    /// method of a clicked row, and whether Shift was pressed.
+    /// Shows the table that compares shadow methods. Highlights the row of `current`, the method of the picture.
+    /// Returns the method of a clicked row, and whether Shift was pressed.
     pub fn show(&mut self, ui: &mut egui::Ui, current: &MethodSpec) -> Option<(MethodSpec, bool)> {
         let mut picked = None;
         if let Some(TableRow { row, .. }) = self.rows.first() {
@@ -157,12 +158,13 @@ impl Results {
         picked
     }
 
-    /// Whether a column of the comparison table contains numbers.
+    /// Whether a column of the table that compares shadow methods contains numbers.
     fn is_number(&self, column: usize) -> bool {
         self.rows.iter().any(|row| row.cells[column].parse::<f64>().is_ok())
     }
 
-    /// Shows a column heading of the comparison table. Clicks cycle between ascending, descending and original order.
+    /// Shows a column heading of the table that compares shadow methods. Clicks cycle between ascending, descending
+    /// and original order.
     fn heading(&mut self, ui: &mut egui::Ui, i: usize) {
         let (arrow, next) = match self.sort {
             Some((sorted, false)) if sorted == i => ("↑", Some((i, true))),
@@ -185,7 +187,7 @@ impl Results {
     }
 }
 
-/// Lays out the contents of a table cell: right-aligned for numbers (`right`), left-aligned for text.
+/// Aligns the contents of a cell of the comparison table: numbers (`right`) to the right, text to the left.
 fn aligned(ui: &mut egui::Ui, right: bool, contents: impl FnOnce(&mut egui::Ui)) {
     match right {
         true => _ = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), contents),

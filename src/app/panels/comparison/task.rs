@@ -22,28 +22,29 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-/// Note added to every row of a comparison table that was measured while the viewer window was open.
+/// Note on the timings of a comparison of shadow methods that was measured while the viewer window was open.
 pub const REMARK: &str = "timed while the window was open, which draws with the same processor";
-/// Name of the file with the transfer function in the comparison's output folder.
+/// File name of the transfer function in the output folder of a comparison of shadow methods.
 const TRANSFER_FUNCTION: &str = "transfer_function.json";
 
 /// Inputs of a comparison of shadow methods, copied when the comparison starts.
 pub struct TableRequest {
-    /// Full name of the graphics adapter on which the comparison runs.
+    /// Full name of the graphics adapter on which the shadow methods are compared.
     pub adapter: String,
-    /// Volume, transfer function and scene to compare shadow methods on. The scene has the picture size of the
-    /// comparison.
+    /// Volume, transfer function and scene on which the shadow methods are compared. The scene has the picture size
+    /// entered in the comparison form.
     pub subject: Subject,
-    /// Settings of the compared scene, in the form of a scene file without the transfer function.
+    /// Settings of the scene on which the shadow methods are compared, as in a scene file but without the transfer
+    /// function.
     pub settings: SceneSettings,
     pub methods: Vec<Box<dyn Method>>,
     pub effort: Effort,
     pub folder: PathBuf,
-    /// Whether the comparison resumes from the journal in its output folder.
+    /// Whether the comparison of shadow methods resumes from the measurements recorded in its output folder.
     pub resume: bool,
 }
 
-/// Finished comparison: the rows of its table, notes, and the files that were written.
+/// Finished comparison of shadow methods: rows of its table, notes, and paths of the written files.
 #[derive(Debug, Clone)]
 pub struct FinishedTable {
     pub rows: Vec<Row>,
@@ -51,20 +52,20 @@ pub struct FinishedTable {
     pub files: Files,
 }
 
-/// Measurement step of a comparison that is running now, with the progress of the whole comparison.
+/// Current measurement in a comparison of shadow methods, with the progress of the whole comparison.
 pub struct CurrentStep {
     pub kind: StepKind,
     pub what: String,
-    /// Completed fraction of the comparison, 0 to 1.
+    /// Completed fraction of the comparison of shadow methods, 0 to 1.
     pub share: f32,
-    /// Estimated remaining time of the comparison, s; `None` while unknown.
+    /// Estimated remaining time of the comparison of shadow methods, s; `None` while unknown.
     pub left_s: Option<f64>,
 }
 
-/// Message from the background thread of a comparison to the window.
+/// Message to the comparison window from the background thread that measures the shadow methods.
 pub enum Update {
     Step(CurrentStep),
-    /// Finished row of the comparison table, with its index in the table.
+    /// Finished row of the table that compares shadow methods, with the index of the row.
     Row(usize, Box<Row>),
     Ended(Result<Box<FinishedTable>>),
 }
@@ -80,8 +81,8 @@ pub fn start(request: TableRequest, wake: Wake) -> Result<Task<Update>> {
     })
 }
 
-/// Forwards the progress of a comparison to the window. It does not wake the window, because drawing would disturb
-/// the timings.
+/// Forwards the progress of a comparison of shadow methods to the window. It does not wake the window, because
+/// drawing would disturb the timings.
 struct Watcher {
     sender: Sender<Update>,
     cancel: Arc<AtomicBool>,

@@ -1,4 +1,4 @@
-//! Computes the exact reference picture for the heat map on a separate thread, from coarse to fine resolution.
+//! Computes the exact reference picture for the error heat maps on a separate thread, from coarse to fine resolution.
 
 use crate::engine::task::{Task, Wake};
 use crate::error::{Error, Result};
@@ -11,13 +11,15 @@ use crate::volume::Volume;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// Pixel sizes of the successive refinements of the transmittance heat map, in pixels of the window's picture.
+/// Pixel sizes of the successive refinements of the heat map of transmittance errors, in pixels of the window's
+/// picture.
 const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
-/// Pixel sizes of the successive refinements of the colour heat map, in pixels of the window's picture. A colour heat
-/// map takes about a hundred times as long as a transmittance heat map.
+/// Pixel sizes of the successive refinements of the heat map of colour errors, in pixels of the window's picture.
+/// This heat map takes about a hundred times as long as that of transmittance errors.
 const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
 
-/// Inputs of the exact reference picture: transfer function, scene, and the quantity to compute.
+/// Inputs of the exact reference picture for the error heat maps: transfer function, scene, and quantity
+/// (transmittance or colour).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Question {
     pub tf: Arc<TransferFunction>,

@@ -18,7 +18,7 @@ const CORNERS: f32 = 104.0;
 const ABOVE_CORNERS: f32 = 86.0;
 
 /// Paints the legend of the error heat maps, and the error at the pixel under the pointer.
-// This function is long because each element of the legend is placed below the one before.
+// Long: each element of the legend is placed below the one before.
 pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) {
     let painter = ui.painter_at(rect);
     let Some(quantity) = difference.shows else { return };

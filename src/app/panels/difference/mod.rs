@@ -13,27 +13,26 @@ use exact::Question;
 use std::sync::Arc;
 use std::sync::mpsc::TryRecvError;
 
-/// State of the error heat maps in the viewer: what they show, the exact reference picture, and the comparison
-/// results.
+/// State of the error heat maps in the viewer: displayed quantity, exact reference picture, and computed heat maps.
 #[derive(Default)]
 pub struct Difference {
-    /// Quantity whose error the heat maps show: transmittance of the light, or picture colour. `None` shows the
-    /// picture instead.
+    /// Quantity whose error the heat maps show: transmittance from the light at visible points, or picture colour.
+    /// `None` shows the picture instead.
     pub shows: Option<Quantity>,
     /// Whether the colour scale of the error heat maps is logarithmic.
     pub logarithmic: bool,
-    /// Inputs of the exact reference picture that was started last.
+    /// Inputs of the exact reference picture whose computation was started last.
     question: Option<Question>,
     computing: Option<Task<ExactView>>,
-    /// Exact picture of the finest resolution computed so far.
+    /// Exact reference picture for the error heat maps, at the finest resolution computed so far.
     view: Option<Arc<ExactView>>,
-    /// Last request to compare the shadow methods with the exact reference picture.
+    /// Last request to the render thread for error heat maps of the shadow methods.
     requested: Option<Arc<DifferenceRequest>>,
     pub found: Option<Differences>,
 }
 
 impl Difference {
-    /// Copy of the heat map state with the user's choices, but without results.
+    /// Copy of the user's choices for the error heat maps (quantity and colour scale), without computed heat maps.
     pub fn only_choices(&self) -> Self {
         Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() }
     }
@@ -43,13 +42,13 @@ impl Difference {
         self.shows.is_none() || (self.computing.is_none() && self.is_compared())
     }
 
-    /// Whether the heat maps for the last comparison request have arrived.
+    /// Whether the error heat maps that were requested last have arrived from the render thread.
     fn is_compared(&self) -> bool {
         self.found.as_ref().is_some_and(|found| self.is_last(&found.request))
     }
 
-    /// Restarts the computation of the exact reference picture after a change, once the rendered picture has full
-    /// quality.
+    /// Restarts the computation of the exact reference picture after the scene, transfer function or quantity has
+    /// changed, once the rendered picture has full quality.
     pub fn follow(&mut self, model: &mut Model) {
         let (Some(quantity), Some(document)) = (self.shows, &model.document) else {
             *self = self.only_choices();
@@ -89,8 +88,8 @@ impl Difference {
         self.compare(model);
     }
 
-    /// Requests a comparison of the shadow methods with the finest exact reference picture, unless it was the last
-    /// request.
+    /// Requests error heat maps of the shadow methods against the finest exact reference picture, unless these were
+    /// requested last.
     fn compare(&mut self, model: &Model) {
         let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.requested) else {
             return;
@@ -110,33 +109,33 @@ impl Difference {
         model.thread.push(Job::Difference(request));
     }
 
-    /// Whether `request` is the last comparison request of the heat maps.
+    /// Whether `request` is the last request for error heat maps.
     fn is_last(&self, request: &Arc<DifferenceRequest>) -> bool {
         self.requested.as_ref().is_some_and(|requested| Arc::ptr_eq(requested, request))
     }
 
-    /// Stores heat maps from the render thread if they answer the last comparison request.
+    /// Stores error heat maps from the render thread if they belong to the last request for heat maps.
     pub fn take(&mut self, found: Differences) {
         if self.is_last(&found.request) {
             self.found = Some(found);
         }
     }
 
-    /// Repeats a comparison request of the heat maps that was interrupted, unless there is a newer request.
+    /// Requests error heat maps again after an interruption, unless a newer request for heat maps exists.
     pub fn request_again(&mut self, request: &Arc<DifferenceRequest>) {
         if self.is_last(request) {
             self.requested = None;
         }
     }
 
-    /// Turns the error heat maps off after their comparison failed.
+    /// Turns the error heat maps off after the render thread failed to compute them.
     pub fn fail(&mut self) {
         if self.requested.is_some() && !self.is_compared() {
             self.shows = None;
         }
     }
 
-    /// Shows the buttons that select which error the heat maps show.
+    /// Shows the buttons that turn the error heat maps off or select their quantity: transmittance or picture colour.
     pub fn choice(&mut self, ui: &mut egui::Ui) {
         ui.horizontal(|ui| {
             ui.label("Error");
@@ -164,7 +163,7 @@ impl Difference {
         });
     }
 
-    /// Switches the error heat maps to the next quantity: off, light, picture, off.
+    /// Switches the error heat maps to the next of three states: off, transmittance error, colour error.
     pub fn show_next(&mut self) {
         self.shows = match self.shows {
             None => Some(Quantity::Light),

@@ -15,7 +15,8 @@ use eframe::egui_wgpu::RenderState;
 use paint::short;
 use std::sync::Arc;
 
-/// Width of the editor below which the fields of the selected control point take two lines, screen points.
+/// Width of the transfer-function editor below which the fields of the selected control point take two lines, screen
+/// points.
 const POINT_ROW_WIDTH: f32 = 500.0;
 
 /// Minimum height of the transfer-function editor, and of the picture above it, screen points.

@@ -7,7 +7,7 @@ use crate::transfer::TransferFunction;
 use crate::volume::Histogram;
 use eframe::egui::{self, Color32, FontId, Mesh, Pos2, Rect, Stroke, pos2};
 
-/// Mapping of the transfer-function editor between scalar values and opacities, and positions on screen.
+/// Mapping between positions on screen and the scalar values and opacities in the transfer-function editor.
 pub(super) struct Map {
     pub rect: Rect,
     pub range: [f64; 2],
@@ -131,8 +131,8 @@ pub(super) fn paint_axes(
     }
 }
 
-/// Paints the transfer function as a curve. Between control points, opacity is linear in the scalar value, also on a
-/// logarithmic axis.
+/// Paints the opacity curve of the transfer function. Between control points, opacity is linear in the scalar value,
+/// also on a logarithmic axis.
 pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunction, color: Color32) {
     let mut line: Vec<Pos2> = Vec::new();
     let mut push = |value: f64, amount: f64| line.push(pos2(map.x(value), map.y(amount)));

@@ -78,8 +78,8 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     }
 }
 
-/// Shows the control points of the transfer function and collects the user's edits. Returns whether the pointer is on
-/// a control point.
+/// Shows the control points of the transfer function and collects the user's edits of them. Returns whether the
+/// pointer is on a control point.
 fn points(
     ui: &egui::Ui,
     painter: &egui::Painter,
@@ -137,7 +137,8 @@ fn points(
     over_point
 }
 
-/// Handles pointer input beside the control points: add a point, window and level, or deselect.
+/// Handles pointer input beside the control points of the transfer function: adds a point, changes window and level,
+/// or deselects.
 fn beside_points(
     response: &egui::Response,
     map: &Map,
@@ -183,17 +184,18 @@ fn zoom_values(ui: &egui::Ui, response: &egui::Response, map: &Map, document: &m
     }
 }
 
-/// Adds a margin to the value range that the transfer-function editor shows.
+/// Adds a margin on both sides to the range of scalar values that the transfer-function editor shows.
 fn padded([lo, hi]: [f64; 2]) -> [f64; 2] {
     let margin = if hi > lo { 0.02 * (hi - lo) } else { 0.5 * lo.abs().max(1.0) };
     [lo - margin, hi + margin]
 }
 
-/// Distance on screen by which the selected control point is preferred to others under the pointer, screen points.
+/// Distance on screen by which the selected control point may be farther from the pointer than another one and still
+/// be picked, screen points.
 const SELECTION_BONUS: f32 = 6.0;
 
-/// Drawing order of the control points. The last one is on top and takes the pointer: the nearest, or the selected
-/// one.
+/// Drawing order of the control points of the transfer function. The point drawn last, i.e. on top, takes the pointer
+/// input: the nearest, or the selected one.
 fn point_order(places: &[egui::Pos2], pointer: Option<egui::Pos2>, selected: Option<usize>) -> Vec<usize> {
     let far = |i: usize| {
         let distance = pointer.map_or(0.0, |pointer| pointer.distance(places[i]));
