@@ -89,8 +89,7 @@ pub struct DeviceTransfer {
     pub clips: bool,
     /// Whether segmentation labels of the volume use different transfer functions.
     labelled: bool,
-    /// Optimizations that the user disables with `--no-skip`, for all shaders and lookup tables of this transfer
-    /// function.
+    /// Renderer optimizations, such as skipping empty bricks, that the user disables with `--no-skip`.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
     /// Whether the volume texture is folded: the volume is longer than a 3-D texture may be, and is stored as tiles

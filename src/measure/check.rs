@@ -36,7 +36,7 @@ const TOLERANCE: f64 = 0.1;
 /// cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Check {
-    /// Number of shadow map texels at which marching light rays by samples was compared with marching by cells.
+    /// Number of shadow map texels whose light rays were marched both by regular samples and cell by cell, to compare.
     pub texels: u64,
     /// Smallest tolerance in transmittance within which marching by samples agrees with marching by cells at all
     /// compared shadow map texels.

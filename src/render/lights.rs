@@ -64,7 +64,7 @@ pub(super) struct LightPass {
 }
 
 impl LightPass {
-    /// Returns the only rendering pass of a picture, for a light of the given linear RGB.
+    /// Creates the rendering pass of a picture that needs one pass only, for a light of the given linear RGB.
     fn only(radiance: [f64; 3]) -> Self {
         Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
     }

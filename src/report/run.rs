@@ -277,7 +277,7 @@ impl Run {
         files.into_iter().unique().collect()
     }
 
-    /// Parts of the plots' file names that name the scene and the graphics adapter; one part per adapter.
+    /// File names, without extension, of the error-against-time plots of one scene: one plot per graphics adapter.
     fn plot_parts(&self, scene: usize) -> Vec<String> {
         self.prefixes(scene).iter().map(|prefix| prefix.trim_end_matches('_').to_owned()).collect()
     }

@@ -14,8 +14,8 @@ choices! {
 }
 
 impl MarchBy {
-    /// Combines the way in which light rays are marched with the distance `step` between regular samples, in units of
-    /// the smallest voxel spacing.
+    /// Returns how light rays are marched: cell by cell, or by regular samples at distance `step`, in units of the
+    /// smallest voxel spacing.
     pub fn with_step(self, step: f64) -> March {
         match self {
             Self::Cells => March::Cells,

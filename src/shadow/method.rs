@@ -344,8 +344,7 @@ pub enum Curve {
 pub enum Taps {
     /// Light rays within one shadow map texel: 1, 5 or 9 of them (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
     Within(u32),
-    /// Light rays through the centres of a square of shadow map texels; the number is the width of the square in
-    /// texels.
+    /// Light rays through the centres of `n x n` neighbouring shadow map texels, given `n`.
     Texels(u32),
 }
 

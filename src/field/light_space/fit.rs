@@ -16,9 +16,9 @@ const WIDEST_TANGENT: f64 = 2.0;
 /// Smallest and largest number of texels per side of a shadow map, if its size is chosen from the scene.
 const LEAST_TEXELS: f64 = 64.0;
 const MOST_TEXELS: f64 = 2048.0;
-/// Width of a shadow-map texel in screen pixels, where a voxel covers several pixels; and the largest number of such
-/// texels per voxel. Finer texels gain little, since the field between voxels is smooth.
+/// Width of a shadow-map texel in screen pixels, where a voxel covers several pixels.
 const PIXELS_PER_TEXEL: f64 = 2.0;
+/// Largest number of shadow-map texels across a voxel. Finer texels gain little, since the field is smooth there.
 const MOST_TEXELS_PER_VOXEL: f64 = 2.0;
 /// Factor by which the area and the texel width of a reused shadow map may exceed the needs of a new view. Beyond it,
 /// the map is built again.
