@@ -277,7 +277,7 @@ impl Run {
         files.into_iter().unique().collect()
     }
 
-    /// File names, without extension, of the error-against-time plots of one scene: one plot per graphics adapter.
+    /// Text that tells the plots of one scene apart in their file names, one for each graphics adapter.
     fn plot_parts(&self, scene: usize) -> Vec<String> {
         self.prefixes(scene).iter().map(|prefix| prefix.trim_end_matches('_').to_owned()).collect()
     }
