@@ -71,7 +71,8 @@ impl SceneSettings {
     /// Loads a scene from its settings; its transfer functions are read before its volume. `loading` shows progress
     /// and can cancel it.
     ///
-    /// # Errors A file cannot be read, settings contradict each other, or loading was cancelled.
+    /// # Errors
+    /// A file cannot be read, settings contradict each other, or loading was cancelled.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let functions = self.functions(false)?;
         let mut diagnostics = Vec::new();
@@ -82,7 +83,8 @@ impl SceneSettings {
     /// Finds the scene's transfer functions, and validates all settings that need no volume. `is_labelled` says that
     /// the volume already has segmentation labels.
     ///
-    /// # Errors A transfer function cannot be found or read, or settings contradict each other.
+    /// # Errors
+    /// A transfer function cannot be found or read, or settings contradict each other.
     pub fn functions(&self, is_labelled: bool) -> Result<Functions> {
         let found = |tf: &String| Ok((tf.clone(), presets::find(tf)?));
         let whole = self.tf.as_ref().map(found).transpose()?;

@@ -5,7 +5,7 @@ use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
 use super::{Diagnostic, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::transfer::formats::{have_same_quantity, with_quantity_of};
+use crate::transfer::formats::with_quantity_of;
 use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, MOST_CLIP_PLANES, Quantity, TransferFunction};
 use crate::volume::{Labels, Volume};
 use clap::Args;
@@ -131,7 +131,8 @@ impl Serialize for LabelFunction {
 impl MaskFlags {
     /// Returns the clip planes that the flag `--clip` gives.
     ///
-    /// # Errors There are too many clip planes, or the volume is made from strands, which cannot be clipped.
+    /// # Errors
+    /// There are too many clip planes, or the volume is made from strands, which cannot be clipped.
     pub fn planes(&self, is_of_strands: bool) -> Result<Vec<ClipPlane>> {
         let refuse = |why: String| Err(Error::input("cannot clip", "--clip", why));
         let planes = self.clip.clone().unwrap_or_default();
@@ -147,7 +148,8 @@ impl MaskFlags {
     /// Finds the transfer functions of segmentation labels before the volume is read. `is_labelled` says that the
     /// volume already has segmentation labels.
     ///
-    /// # Errors A transfer function cannot be found or read, or a flag needs a segmentation and there is none.
+    /// # Errors
+    /// A transfer function cannot be found or read, or a flag needs a segmentation and there is none.
     pub fn find(&self, is_labelled: bool) -> Result<Vec<(LabelList, Found)>> {
         let flag = if self.hide.is_some() { "--hide" } else { "--label-tf" };
         if self.labels.is_none() && !is_labelled && (self.hide.is_some() || self.label_tf.is_some()) {
@@ -202,7 +204,8 @@ impl MaskFlags {
     /// the hidden labels. Each function is adapted to the volume and converted to the quantity (opacity or
     /// extinction) of `tf`.
     ///
-    /// # Errors A transfer function cannot be adapted to the volume.
+    /// # Errors
+    /// A transfer function cannot be adapted to the volume.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
@@ -217,7 +220,7 @@ impl MaskFlags {
             diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
             diagnostics.extend(notes.into_iter().map(Diagnostic::note));
             // One set of device tables stores all functions, which must therefore have the same quantity.
-            if !have_same_quantity(&own, tf) {
+            if !own.has_quantity_of(tf) {
                 let (name, kind) = (&own.name, kind_of(tf));
                 let text = format!("`{name}`, of labels {list}, became {kind}, as --tf is");
                 diagnostics.push(Diagnostic::note(text));

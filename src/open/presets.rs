@@ -61,7 +61,8 @@ pub struct ResolvedTransferFunction {
 
 /// Finds a transfer function: a preset by its name, or else a file by its path.
 ///
-/// # Errors There is no such preset (the hint lists them), or the file cannot be read.
+/// # Errors
+/// There is no such preset (the hint lists them), or the file cannot be read.
 pub fn find(name_or_path: &str) -> Result<Found> {
     if let Some(preset) = PRESETS.iter().find(|p| p.name == name_or_path) {
         return Ok(Found::Preset(preset));
@@ -85,7 +86,8 @@ impl Found {
     /// their values are fractions. The given factor, or for presets one from the volume's size, scales the
     /// extinction.
     ///
-    /// # Errors The extinction becomes too large.
+    /// # Errors
+    /// The extinction becomes too large.
     pub fn suit(self, volume: &Volume, requested: Suiting) -> Result<ResolvedTransferFunction> {
         let meaning = Meaning::of(volume, requested.units);
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -258,7 +260,8 @@ fn default_of(meaning: &Meaning) -> &'static str {
 
 /// Returns a transfer-function file as text in this program's format; a file of another format is converted.
 ///
-/// # Errors The file cannot be read.
+/// # Errors
+/// The file cannot be read.
 pub fn own_text(path: &Path) -> Result<String> {
     let text = read_text(path, "cannot read transfer function")?;
     match TransferFunction::from_json(&text) {

@@ -23,7 +23,8 @@ impl RecordedScene {
     /// Creates the record of a scene for a results folder from the scene's settings and loaded data. `several` says
     /// that the folder holds more than one scene.
     ///
-    /// # Errors The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
+    /// # Errors
+    /// The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
     pub fn of(
         settings: SceneSettings,
         loaded: &Loaded,

@@ -17,7 +17,8 @@ impl SceneRequest {
     /// Reads a scene file (TOML). A relative path in it means a file beside the scene file, or else in the working
     /// folder.
     ///
-    /// # Errors The file cannot be read, is not TOML, or has an unknown key or a value out of range.
+    /// # Errors
+    /// The file cannot be read, is not TOML, or has an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
         let mut request = Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));

@@ -219,7 +219,8 @@ impl SceneSettings {
     /// Creates a scene from these settings, with a camera that by default frames `bounds`, the visible part of the
     /// volume. The scene has no opaque objects; [`Self::load`] reads them.
     ///
-    /// # Errors There are too many lights, or the camera has no direction: eye at the target, or up along the view.
+    /// # Errors
+    /// There are too many lights, or the camera has no direction: eye at the target, or up along the view.
     pub fn scene(&self, bounds: &VisibleBounds) -> Result<Scene> {
         let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
@@ -271,7 +272,8 @@ impl SceneSettings {
 
     /// Returns an error if the scene has several lights, for a command that supports only one light.
     ///
-    /// # Errors The scene has more than one light.
+    /// # Errors
+    /// The scene has more than one light.
     pub fn one_light(&self, command: &str) -> Result<()> {
         self.check_light_count(1, &format!("`{command}` takes one"))
     }

@@ -55,7 +55,8 @@ pub fn lacks_thickness(source: &str) -> bool {
 /// Reads a strand file, or builds the set `phantom:hair-NAME[:SEGMENTS]`. A given diameter (mm) replaces those of the
 /// file.
 ///
-/// # Errors The file cannot be read, the name is unknown, or neither file nor caller gives a diameter.
+/// # Errors
+/// The file cannot be read, the name is unknown, or neither file nor caller gives a diameter.
 pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) -> Result<Strands> {
     let strands = match source.strip_prefix("phantom:") {
         Some(name) => {

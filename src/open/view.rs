@@ -19,7 +19,8 @@ const MIN_SINE: f64 = 1e-5;
 impl SceneSettings {
     /// Computes the camera of a scene for a given picture size.
     ///
-    /// # Errors The camera has no direction, or both `--eye` and `--view` give its position.
+    /// # Errors
+    /// The camera has no direction, or both `--eye` and `--view` give its position.
     pub(super) fn camera(&self, bounds: &VisibleBounds, size: Size) -> Result<Camera> {
         let side = self.view;
         if side.is_some() && self.eye.is_some() {

@@ -77,8 +77,9 @@ impl Tessellation {
 
 /// Makes a triangle mesh of tubes around all strands, with at most `most` triangles altogether.
 ///
-/// # Errors No strand has length and thickness, or even the fewest sides give too many triangles, or the host has no
-/// memory for them.
+/// # Errors
+/// No strand has length and thickness, or even the fewest sides give too many triangles, or the host has no memory
+/// for them.
 pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     let refused = |why: String| Error::input("cannot use strands", strands.source(), why);
     let mut counts = SIDES.map(|_| 0);

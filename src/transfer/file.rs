@@ -85,7 +85,8 @@ impl TransferFunction {
 
     /// Parses the text of a transfer-function file (JSON).
     ///
-    /// # Errors The text breaks the file format; the reason is one line.
+    /// # Errors
+    /// The text breaks the file format; the reason is one line.
     pub fn from_json(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let length = file.reference_length_mm;

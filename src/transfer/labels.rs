@@ -76,7 +76,8 @@ impl TransferFunction {
     /// Combines this transfer function and those of its segmentation labels on one value axis, for a volume with
     /// values in `[low, high]`.
     ///
-    /// # Errors The transfer functions differ in quantity or reference length, or there are too many.
+    /// # Errors
+    /// The transfer functions differ in quantity or reference length, or there are too many.
     pub fn side_by_side(&self, [low, high]: [f64; 2]) -> Result<SideBySide, String> {
         let functions: Vec<&Self> = self.functions().collect();
         let others = functions.len() - 1;
@@ -85,9 +86,7 @@ impl TransferFunction {
                 "{others} functions of labels, at most {MOST_LABEL_FUNCTIONS} fit beside each other"
             ));
         }
-        let alike =
-            |tf: &&Self| tf.quantity == self.quantity && tf.reference_length_mm == self.reference_length_mm;
-        if let Some(other) = functions.iter().find(|tf| !alike(tf)) {
+        if let Some(other) = functions.iter().find(|tf| !tf.has_quantity_of(self)) {
             let [one, others] = [*other, self]
                 .map(|tf| format!("{:?} over {} mm", tf.quantity, tf.reference_length_mm).to_lowercase());
             return Err(format!("one gives {one} and the others {others}"));
@@ -174,6 +173,15 @@ mod tests {
         let other = TransferFunction { reference_length_mm: 2.0, ..tf.clone() };
         tf.rules.push(LabelRule { labels: vec![3], visibility: LabelVisibility::Visible(Box::new(other)) });
         assert!(tf.side_by_side([0.0, 1.0]).unwrap_err().contains("over 2 mm"));
+        // Extinction does not depend on the reference length.
+        let mut extinction = tf.clone();
+        extinction.quantity = Quantity::Extinction;
+        for rule in &mut extinction.rules {
+            if let LabelVisibility::Visible(own) = &mut rule.visibility {
+                own.quantity = Quantity::Extinction;
+            }
+        }
+        assert!(extinction.side_by_side([0.0, 1.0]).is_ok());
         let rule = labelled().rules[0].clone();
         tf.rules = vec![rule; MOST_LABEL_FUNCTIONS + 1];
         assert!(tf.side_by_side([0.0, 1.0]).unwrap_err().contains("at most"));

@@ -123,6 +123,13 @@ impl TransferFunction {
         }
     }
 
+    /// Whether this transfer function and another one store the same quantity: extinction, or opacity for the same
+    /// reference length. Only then can one set of device tables store both.
+    pub fn has_quantity_of(&self, other: &Self) -> bool {
+        let same_length = self.reference_length_mm == other.reference_length_mm;
+        self.quantity == other.quantity && (self.quantity == Quantity::Extinction || same_length)
+    }
+
     /// Whether the transfer function is the identity: each scalar value from 0 to `largest` is its own extinction in
     /// 1/mm, up to rounding.
     pub fn leaves_extinction(&self, largest: f64) -> bool {

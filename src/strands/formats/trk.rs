@@ -75,7 +75,8 @@ fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAff
 
 /// Parses the tracks of a TrackVis file (`.trk`).
 ///
-/// # Errors The file breaks its format, or ends before the last track that its header counts.
+/// # Errors
+/// The file breaks its format, or ends before the last track that its header counts.
 pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let length = bytes.len();
     if length < HEADER_BYTES {

@@ -87,7 +87,8 @@ impl<const N: usize> NodeCurve<N> {
     /// Builds an opacity or colour curve from nodes, which it sorts by scalar value. Nodes with equal values become a
     /// jump from the first to the last of them.
     ///
-    /// # Errors There are no nodes or too many, or a number is not finite or too large.
+    /// # Errors
+    /// There are no nodes or too many, or a number is not finite or too large.
     pub fn new(mut nodes: Vec<CurveNode<N>>, interpolation: &Interpolation<N>) -> Result<Self, String> {
         if nodes.is_empty() {
             return Err("it has no points".into());

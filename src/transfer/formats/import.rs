@@ -79,7 +79,8 @@ impl Foreign {
     /// Additional points keep the colours, which are interpolated in linear light here, within an 8-bit step of the
     /// original.
     ///
-    /// # Errors The curves are invalid, or the transfer function breaks the rules of this program's own files.
+    /// # Errors
+    /// The curves are invalid, or the transfer function breaks the rules of this program's own files.
     pub fn convert(self) -> Result<Imported, String> {
         let mut warnings = self.warnings;
         let opacity = curve_in_range(self.opacity, "opacities", &Interpolation::LINEAR, &mut warnings)?;

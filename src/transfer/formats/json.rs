@@ -26,7 +26,8 @@ pub fn number(object: &Object, key: &str) -> Result<Option<f64>, String> {
 
 /// Splits a list of numbers from a transfer-function file into groups of `N`, such as a value with its opacity.
 ///
-/// # Errors The list's length is no multiple of `N`.
+/// # Errors
+/// The list's length is no multiple of `N`.
 pub fn groups<const N: usize>(numbers: &[f64], key: &str) -> Result<Vec<[f64; N]>, String> {
     let (groups, rest) = numbers.as_chunks::<N>();
     match rest.is_empty() {

@@ -19,7 +19,7 @@ mod tests;
 mod write;
 
 pub use import::{FRACTION, Imported};
-pub use quantity::{have_same_quantity, with_quantity_of};
+pub use quantity::with_quantity_of;
 pub use write::{Written, has_fractions};
 
 use super::TransferFunction;
@@ -138,7 +138,8 @@ pub fn has_ending(path: &Path) -> bool {
 
 /// Reads a transfer function from the text of a file. `file_name` decides the file format if the content does not.
 ///
-/// # Errors The text breaks the rules of its file format; the reason is one line.
+/// # Errors
+/// The text breaks the rules of its file format; the reason is one line.
 pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
     if text.len() > MOST_BYTES {
         return Err("it is longer than any transfer function".into());

@@ -16,7 +16,8 @@ pub fn is_one(value: &Value) -> bool {
 
 /// Reads a colour map of MRIcroGL or NiiVue as a transfer function.
 ///
-/// # Errors The colour map is for segmentation labels, its arrays differ in length, or its value range is empty.
+/// # Errors
+/// The colour map is for segmentation labels, its arrays differ in length, or its value range is empty.
 pub fn read(value: &Value) -> Result<Imported, String> {
     let map = value.as_object().ok_or("it is no object")?;
     if map.contains_key("labels") {

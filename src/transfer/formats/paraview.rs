@@ -23,7 +23,8 @@ fn object_of(value: &Value) -> Option<&Object> {
 
 /// Reads the first ParaView colour map in a JSON value as a transfer function.
 ///
-/// # Errors There is no colour map, or a number in it is missing or out of range.
+/// # Errors
+/// There is no colour map, or a number in it is missing or out of range.
 pub fn read(value: &Value) -> Result<Imported, String> {
     let map = object_of(value).ok_or("it holds no colour map")?;
     let name = map.get("Name").and_then(Value::as_str).unwrap_or_default().to_owned();

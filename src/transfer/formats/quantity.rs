@@ -12,13 +12,6 @@ const LEAST: f64 = 1e-7;
 /// share one set of device tables.
 const MOST_POINTS: usize = 250;
 
-/// Whether two transfer functions store the same quantity: both extinction, or both opacity for the same reference
-/// length.
-pub fn have_same_quantity(a: &TransferFunction, b: &TransferFunction) -> bool {
-    let same_length = a.quantity == Quantity::Extinction || a.reference_length_mm == b.reference_length_mm;
-    a.quantity == b.quantity && same_length
-}
-
 /// Samples the transfer function `tf` with at most `most` points, in the quantity (opacity or extinction) and
 /// reference length of `like`. It also returns the largest error between the points; `error` measures it in units of
 /// the tolerance.
@@ -29,7 +22,7 @@ pub fn sample_amounts(
     error: &dyn Fn(&[f64; 1], &[f64; 1]) -> f64,
 ) -> (Vec<SamplePoint<1>>, f64) {
     let amounts = NodeCurve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
-    let is_unchanged = have_same_quantity(tf, like);
+    let is_unchanged = tf.has_quantity_of(like);
     let at = |value: f64, side: LimitSide| {
         let [amount] = amounts.at(value, side);
         let extinction = tf.extinction_of_amount(amount);
@@ -46,7 +39,7 @@ pub fn sample_amounts(
 /// between its control points are sampled with a tolerance of 0.1 % of the extinction. It also returns the largest
 /// relative error.
 pub fn with_quantity_of(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
-    if have_same_quantity(tf, like) {
+    if tf.has_quantity_of(like) {
         return (tf.clone(), 0.0);
     }
     let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
@@ -90,7 +83,7 @@ mod tests {
             for like in &all {
                 let (made, off) = with_quantity_of(tf, like);
                 assert!(
-                    have_same_quantity(&made, like) && off <= 4e-3 && made.points.len() <= MOST_POINTS,
+                    made.has_quantity_of(like) && off <= 4e-3 && made.points.len() <= MOST_POINTS,
                     "{off}"
                 );
                 for i in -10..600 {

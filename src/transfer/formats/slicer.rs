@@ -26,7 +26,8 @@ fn first_number(line: &str) -> Option<f64> {
 
 /// Reads a transfer function from the text of a 3D Slicer `.vp` file.
 ///
-/// # Errors A line is missing, or has fewer numbers than its count says.
+/// # Errors
+/// A line is missing, or has fewer numbers than its count says.
 pub fn read_vp(text: &str) -> Result<Imported, String> {
     let lines: Vec<&str> = text.lines().collect();
     let single = |line: usize, what: &str| {

@@ -111,7 +111,8 @@ pub fn has_fractions(tf: &TransferFunction) -> bool {
 
 /// Writes a transfer function as a ParaView colour map (JSON).
 ///
-/// # Errors It never fails; writers of all formats share this return type.
+/// # Errors
+/// It never fails; writers of all formats share this return type.
 pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     let Lists { opacity, color, mut warnings } = Lists::of(tf, [MOST_POINTS; 2]);
     let (first, last) = (tf.points[0].value, tf.points[tf.points.len() - 1].value);
@@ -137,7 +138,8 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
 
 /// Writes a transfer function as a 3D Slicer `.vp` file.
 ///
-/// # Errors The transfer function's values are fractions of a volume's value range, which the format cannot express.
+/// # Errors
+/// The transfer function's values are fractions of a volume's value range, which the format cannot express.
 pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
     if has_fractions(tf) {
         let why = "its values are fractions of a volume's range, and a .vp holds values: give --range LO,HI";
