@@ -173,6 +173,7 @@ fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<
             build_device: report.device,
             build_wall_ms,
             frame: picture.span,
+            frame_host_ms: picture.host_ms,
         },
         bytes: report.bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
         picture,

@@ -104,10 +104,11 @@ impl<'a> Job<'a> {
         let start = Instant::now();
         let shadows = self.session.shadows_of(method, self.scene)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let frame = self.session.render(&shadows, self.scene)?.span;
+        let picture = self.session.render(&shadows, self.scene)?;
+        let (frame, frame_host_ms) = (picture.span, picture.host_ms);
         let report = BuildReport::of_all(&shadows);
         let (build_host_ms, build_device) = (report.host_ms, report.device);
-        Ok(StageTimes { tables_ms: None, build_host_ms, build_device, build_wall_ms, frame })
+        Ok(StageTimes { tables_ms: None, build_host_ms, build_device, build_wall_ms, frame, frame_host_ms })
     }
 }
 

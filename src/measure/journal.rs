@@ -320,6 +320,7 @@ mod tests {
             build_device: Some(span),
             build_wall_ms: 0.1 + ms,
             frame: span,
+            frame_host_ms: 0.1 * ms,
         }
     }
 

@@ -17,6 +17,7 @@ impl Row {
         [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
             [frame.median, frame.min, frame.max].map(Some);
         self.clock = Some(timing.clock);
+        [self.build_host_ms, self.frame_host_ms] = [timing.build_host_ms, timing.frame_host_ms].map(Some);
         [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
         [self.build_wall_ms, self.frame_wall_ms] = [timing.build_wall_ms, timing.frame_wall_ms].map(Some);
         self.repeats = u32::try_from(timing.repeats).ok();

@@ -101,14 +101,17 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Clock of `build_ms` and `frame_ms`: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
-    /// Time to build the shadow map for the first time, by the host's clock. It includes compiling new shaders, and
-    /// first guesses of buffer sizes.
+    /// Time of the first build of the shadow map, by the host's clock, with the compilation of new shaders.
     build_first_ms ["ms"]: Option<f64>,
+    /// Part of `build_ms` that the host takes, to fit the shadow map to the scene and to list the tiles to build.
+    build_host_ms ["ms"]: Option<f64>,
     /// Part of `build_ms` that the GPU passes take, by the adapter's timestamps. Empty for an adapter without
     /// timestamps or a method without GPU passes.
     build_gpu_ms ["ms"]: Option<f64>,
     /// Time from requesting the shadow map to its completion, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
+    /// Part of `frame_ms` that the host takes: it finds the tiles of the picture to render, and their depths.
+    frame_host_ms ["ms"]: Option<f64>,
     /// Time to render one picture by the adapter's timestamps, plus the host's time to find the tiles to render.
     /// Empty for an adapter without timestamps.
     frame_gpu_ms ["ms"]: Option<f64>,
@@ -207,8 +210,7 @@ columns! {
     /// Number of depths on light rays at which the shadow method's transmittance was tested, including depths of
     /// curve nodes.
     depths_tested [""]: Option<u64>,
-    /// Whether the row is on the Pareto front: no other row of the scene is both faster (`fps_moving`) and more
-    /// accurate (`point_err_rms`).
+    /// Whether no other row of the scene is both faster (`fps_moving`) and more accurate (`point_err_rms`).
     pareto [""]: Option<bool>,
     /// Whether a search within a memory or time budget chose the method's settings. Empty where there was no search.
     tuned [""]: Option<bool>,
@@ -218,8 +220,7 @@ columns! {
     left_out [""]: String,
     /// Number of lights with nonzero intensity. Times, bytes and errors apply to all of them together.
     lights [""]: Option<u32>,
-    /// Index, from 1, of the only light in a row that is measured with a single light (`--each-light`). Empty for a
-    /// row with all lights.
+    /// Index, from 1, of the only light of the row (`--each-light`). Empty for a row with all lights.
     light [""]: Option<u32>,
     /// Driver of the graphics adapter, with its version.
     driver [""]: String,
@@ -304,8 +305,7 @@ impl Row {
         self.status == FAILED
     }
 
-    /// Returns the nonempty cells of a comparison table row as texts, by column name. [`Self::from_texts`] parses
-    /// them.
+    /// Returns the nonempty cells of a comparison table row as texts, by column name; see [`Self::from_texts`].
     pub fn texts(&self) -> BTreeMap<String, String> {
         let texts =
             COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.name.into(), cell.to_string()));
@@ -348,6 +348,8 @@ pub(crate) mod tests {
                 frame_ms: spread(frame),
                 clock: Clock::Wall,
                 tables_ms: None,
+                build_host_ms: 0.5 * build,
+                frame_host_ms: 0.25 * frame,
                 build_gpu_ms: None,
                 build_wall_ms: build,
                 frame_gpu_ms: None,

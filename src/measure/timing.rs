@@ -37,6 +37,9 @@ pub struct StageTimes {
     pub build_wall_ms: f64,
     /// Time to render one picture with the shadow map already built.
     pub frame: Span,
+    /// Part of `frame` that the host takes to project bricks to tiles of the picture, ms.
+    #[serde(default)]
+    pub frame_host_ms: f64,
 }
 
 impl StageTimes {
@@ -59,6 +62,10 @@ pub struct Timing {
     pub clock: Clock,
     /// Median time to compute the transfer function's tables and to classify the volume's bricks, ms.
     pub tables_ms: Option<f64>,
+    /// Median time of the host's work on building the shadow map, without the GPU passes, ms.
+    pub build_host_ms: f64,
+    /// Median time that the host takes to project bricks to tiles of the picture, ms.
+    pub frame_host_ms: f64,
     /// Median time of the GPU passes that build the shadow map, by the adapter's timestamps, ms.
     pub build_gpu_ms: Option<f64>,
     /// Median time from requesting the shadow map to its completion, by the host's clock, ms.
@@ -92,6 +99,8 @@ impl Timing {
             frame_ms,
             clock,
             tables_ms: median(&|t| t.tables_ms),
+            build_host_ms: median(&|t| Some(t.build_host_ms)).ok_or_else(none)?,
+            frame_host_ms: median(&|t| Some(t.frame_host_ms)).ok_or_else(none)?,
             build_gpu_ms: median(&|t| t.build_device?.gpu_ms),
             build_wall_ms: median(&|t| Some(t.build_wall_ms)).ok_or_else(none)?,
             frame_gpu_ms: median(&|t| t.frame.gpu_ms),
@@ -171,10 +180,12 @@ pub fn interleave(
 /// Returns an error for times that are negative or not finite, such as GPU timestamps that wrapped or were never
 /// written.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
-    let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame } = times;
+    let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame, frame_host_ms } = times;
     let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
-    let read = [tables_ms, Some(build_host_ms), Some(build_wall_ms)].into_iter().chain(of(frame));
-    let wrong = read
+    let host = [tables_ms, Some(build_host_ms), Some(build_wall_ms), Some(frame_host_ms)];
+    let wrong = host
+        .into_iter()
+        .chain(of(frame))
         .chain(build_device.into_iter().flat_map(of))
         .flatten()
         .find(|ms| !(ms.is_finite() && *ms >= 0.0));
@@ -216,6 +227,7 @@ mod tests {
             build_device: Some(wall(build)),
             build_wall_ms: build,
             frame: wall(frame),
+            frame_host_ms: 0.25 * frame,
         }
     }
 
@@ -254,6 +266,7 @@ mod tests {
             build_device: Some(both(Some(1.0), 2.0)),
             build_wall_ms: 6.0,
             frame: both(gpu_ms, 20.0),
+            frame_host_ms: 2.0,
         };
         let timing = Timing::of(&[run(Some(10.0)), run(Some(10.0))]).unwrap();
         assert_eq!(
@@ -261,6 +274,7 @@ mod tests {
             (Clock::GpuTimestamps, 4.0, 10.0)
         );
         assert_eq!((timing.build_gpu_ms, timing.build_wall_ms), (Some(1.0), 6.0));
+        assert_eq!((timing.build_host_ms, timing.frame_host_ms), (3.0, 2.0));
         let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
         assert_eq!((timing.clock, timing.build_ms.median, timing.frame_ms.median), (Clock::Wall, 5.0, 20.0));
         assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));

@@ -155,7 +155,7 @@ impl Renderer {
             self.gpu().wait_for(submission)?;
         }
         let longest_band_ms = pacing.longest_ms;
-        Ok(drawn.map(|(plan, span)| Drawn { plan, span, longest_band_ms }))
+        Ok(drawn.map(|(plan, span, _)| Drawn { plan, span, longest_band_ms }))
     }
 }
 

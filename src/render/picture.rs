@@ -51,6 +51,8 @@ pub struct Picture {
     /// Time to cast the eye rays of the picture. It includes the projection of bricks to tiles of the picture on the
     /// host.
     pub span: Span,
+    /// Part of the time of the picture that the host takes to project bricks to tiles of the picture, ms.
+    pub host_ms: f64,
     /// Plan of the rendered picture: the work that its scene needed, such as queries for transmittance, and the work
     /// that was skipped.
     pub plan: Plan,
@@ -117,14 +119,15 @@ impl Renderer {
             pixels.extend(read_back::<f32>(self.gpu(), band.buffer, band.rows as usize * width * 4)?);
             Ok(go_on((band.first_row + band.rows) as f32 / height as f32))
         })?;
-        let Some((plan, span)) = drawn else { return Ok(None) };
+        let Some((plan, span, host_ms)) = drawn else { return Ok(None) };
         let broken = |why: String| Error::runtime("cannot render", "picture", why);
         let pixels = Array3::from_shape_vec((height, width, 4), pixels).map_err(|e| broken(e.to_string()))?;
-        Ok(Some(Picture { pixels, span, plan }))
+        Ok(Some(Picture { pixels, span, host_ms, plan }))
     }
 
     /// Casts the eye rays of a picture in bands of rows; `pacing` chooses the number of pixels per submission.
-    /// Returns `None` if `pacing` or `finished` stopped the drawing.
+    /// Returns the plan, the time, and the host's part of the time in ms; `None` if `pacing` or `finished` stopped the
+    /// drawing.
     pub(crate) fn draw(
         &self,
         loaded: &LoadedVolume,
@@ -133,7 +136,7 @@ impl Renderer {
         scene: &Scene,
         pacing: &mut dyn Pacing,
         mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
-    ) -> Result<Option<(Plan, Span)>> {
+    ) -> Result<Option<(Plan, Span, f64)>> {
         let shadows = shadows.checked(scene)?;
         let maps = shadows.maps();
         for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
@@ -142,7 +145,7 @@ impl Renderer {
         }
         let start = Instant::now();
         let (plan, tiles) = Plan::of(scene, loaded, transfer, maps);
-        let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
+        let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
         for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
             let shadow = maps[map];
@@ -162,7 +165,7 @@ impl Renderer {
         let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX);
         let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
         // The time of a picture includes the search for its tiles on the host.
-        let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| tiles_ms), wall_ms: tiles_ms };
+        let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| host_ms), wall_ms: host_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
         let mut first_row = 0;
         while first_row < height {
@@ -184,7 +187,7 @@ impl Renderer {
             }
             first_row += rows;
         }
-        Ok(Some((plan, span)))
+        Ok(Some((plan, span, host_ms)))
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about

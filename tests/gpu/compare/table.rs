@@ -45,6 +45,8 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
         assert!(number(i, "point_err_mean_signed").abs() <= number(i, "point_err_rms"));
         assert!(number(i, "bricks_ms") > 0.0 && number(i, "tables_ms") > 0.0);
         assert!(number(i, "build_wall_ms") >= number(i, "build_ms") && number(i, "frame_wall_ms") > 0.0);
+        assert!(number(i, "build_host_ms") > 0.0 && number(i, "build_host_ms") <= number(i, "build_ms"));
+        assert!(number(i, "frame_host_ms") > 0.0 && number(i, "frame_host_ms") < number(i, "frame_ms"));
         assert_eq!((row["status"].as_str(), row["note"].as_str(), row["repeats"].as_str()), ("ok", "", "1"));
         for fact in ["driver", "threads", "revision"] {
             assert!(!row[fact].is_empty(), "{fact}");
