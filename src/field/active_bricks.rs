@@ -1,6 +1,7 @@
 //! Active bricks: blocks of voxel cells with nonzero extinction under a transfer function. The distance of every
 //! brick to the nearest active one lets rays skip empty space without loss.
 
+use super::brick_runs::{BrickHull, BrickRun, brick_box};
 use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
 use glam::{DAffine3, DVec3, IVec3, USizeVec3};
@@ -22,6 +23,8 @@ pub struct ActiveBricks {
     /// brick is active.
     pub bounds: Option<[[usize; 3]; 2]>,
     outer: OnceLock<Vec<IVec3>>,
+    runs: OnceLock<Vec<BrickRun>>,
+    hull: OnceLock<Option<BrickHull>>,
 }
 
 /// Returns the intervals of voxel values to which a transfer function gives extinction. The intervals are closed,
@@ -145,7 +148,15 @@ impl ActiveBricks {
         if active > 0 && active < distance.len() {
             chebyshev(counts, &mut distance);
         }
-        Self { counts, distance, active, bounds, outer: OnceLock::new() }
+        Self {
+            counts,
+            distance,
+            active,
+            bounds,
+            outer: OnceLock::new(),
+            runs: OnceLock::new(),
+            hull: OnceLock::new(),
+        }
     }
 
     /// Returns the distance from a brick to the nearest active brick (block of cells with extinction), in bricks;
@@ -178,6 +189,33 @@ impl ActiveBricks {
         })
     }
 
+    /// Returns the active bricks (blocks of cells with extinction) as runs along x, in row-major order.
+    pub fn runs(&self) -> &[BrickRun] {
+        self.runs.get_or_init(|| {
+            let [nx, ny, _] = self.counts;
+            let runs_of = |(row, line): (usize, &[u8])| {
+                let (y, z) = ((row % ny) as u32, (row / ny) as u32);
+                let mut end = 0;
+                let mut runs = Vec::new();
+                for part in line.chunk_by(|a, b| (*a == 0) == (*b == 0)) {
+                    let first = end;
+                    end += part.len() as u32;
+                    if part[0] == 0 {
+                        runs.push(BrickRun { x: [first, end - 1], y, z });
+                    }
+                }
+                runs
+            };
+            self.distance.par_chunks_exact(nx).enumerate().flat_map_iter(runs_of).collect()
+        })
+    }
+
+    /// Returns the convex hull of the active bricks (blocks of cells with extinction) in a volume of `dims` voxels;
+    /// `None` if no brick is active.
+    pub fn hull(&self, dims: [usize; 3]) -> Option<&BrickHull> {
+        self.hull.get_or_init(|| BrickHull::of(self.runs(), dims)).as_ref()
+    }
+
     /// Returns the bounding box of the active bricks (blocks of cells with extinction) in voxel index coordinates. It
     /// is clipped to the domain `[-0.5, n - 0.5]` of a volume of `dims` voxels.
     pub fn index_box(&self, dims: [usize; 3]) -> Option<[DVec3; 2]> {
@@ -185,14 +223,6 @@ impl ActiveBricks {
         // Grid space is index space plus one.
         Some(brick_box(first, last, dims).map(|p| p - 1.0))
     }
-}
-
-/// Returns the box that contains the bricks (blocks of voxel cells) from `first` to `last`, in voxel index
-/// coordinates plus one. The box is clipped to the volume's domain `[0.5, n + 0.5]`.
-pub(super) fn brick_box(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> [DVec3; 2] {
-    let low = first.map(|b| ((BRICK_CELLS * b) as f64).max(0.5));
-    let high = std::array::from_fn(|a| ((BRICK_CELLS * (last[a] + 1)) as f64).min(dims[a] as f64 + 0.5));
-    [low, high].map(DVec3::from_array)
 }
 
 fn count_and_bounds([nx, ny, _]: [usize; 3], distance: &[u8]) -> (usize, Option<[[usize; 3]; 2]>) {

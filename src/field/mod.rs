@@ -3,6 +3,7 @@
 //! group 1).
 
 mod active_bricks;
+mod brick_runs;
 mod constants;
 mod context;
 mod device_directions;
@@ -21,6 +22,7 @@ mod tile_pace;
 mod view;
 
 pub use active_bricks::{ActiveBricks, extinction_intervals};
+pub use brick_runs::{BrickHull, BrickRun};
 pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::BuildContext;
 pub use device_directions::DeviceDirections;

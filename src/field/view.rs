@@ -80,8 +80,48 @@ impl Frustum {
     /// Tests conservatively whether a box may intersect the view frustum: `false` only if the whole box lies beyond
     /// one plane.
     pub fn may_intersect(&self, center: DVec3, half: DVec3) -> bool {
-        !self.0.iter().any(|(normal, origin)| normal.dot(center) + origin > normal.abs().dot(half))
+        !self.0.iter().any(|plane| is_beyond(plane, center, half))
     }
+
+    /// Whether all points lie inside the view frustum.
+    pub fn contains(&self, points: &[DVec3]) -> bool {
+        points.iter().all(|p| self.0.iter().all(|(normal, origin)| normal.dot(*p) + origin <= 0.0))
+    }
+
+    /// Returns the first and the last box of a row of adjacent equal boxes that may intersect the view frustum, given
+    /// first and last of the row; `None` if there is none. `at` returns centre and half size of a box.
+    pub fn clip_row(&self, row: [u32; 2], at: impl Fn(u32) -> [DVec3; 2]) -> Option<[u32; 2]> {
+        let [mut first, mut last] = row;
+        for plane in &self.0 {
+            let beyond = |i: u32| {
+                let [center, half] = at(i);
+                is_beyond(plane, center, half)
+            };
+            match [beyond(first), beyond(last)] {
+                [false, false] => {}
+                [true, true] => return None,
+                [true, false] => first = first_change(first, last, beyond),
+                [false, true] => last = first_change(first, last, beyond) - 1,
+            }
+        }
+        (first <= last).then_some([first, last])
+    }
+}
+
+/// Whether a box lies entirely beyond a plane of a frustum.
+fn is_beyond((normal, origin): &(DVec3, f64), center: DVec3, half: DVec3) -> bool {
+    normal.dot(center) + origin > normal.abs().dot(half)
+}
+
+/// Returns the smallest index above `first` at which a condition differs from that at `first`. It changes once up to
+/// `last`.
+fn first_change(mut first: u32, mut last: u32, condition: impl Fn(u32) -> bool) -> u32 {
+    let before = condition(first);
+    while last - first > 1 {
+        let middle = first.midpoint(last);
+        if condition(middle) == before { first = middle } else { last = middle }
+    }
+    last
 }
 
 #[cfg(test)]
@@ -105,5 +145,28 @@ mod tests {
         let moved = view.frustum(&DAffine3::from_translation(DVec3::new(0.0, -20.0, 0.0)));
         assert!(moved.may_intersect(DVec3::new(0.0, 30.0, 0.0), DVec3::ONE));
         assert!(!moved.may_intersect(DVec3::new(0.0, 10.0, 0.0), DVec3::ONE));
+    }
+
+    #[test]
+    fn a_clipped_row_has_the_boxes_that_may_be_visible() {
+        let scene = Scene::framing(&Phantom::Slab.build(8).unwrap());
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut vector = |scale: f64| DVec3::from_array([0; 3].map(|_| scale * (random.f64() - 0.5)));
+        let (mut none, mut part) = (0, 0);
+        for _ in 0..2000 {
+            let camera = Camera { eye: vector(40.0), target: vector(20.0), ..scene.camera };
+            let frustum = View::of(&Scene { camera, ..scene.clone() }).frustum(&DAffine3::IDENTITY);
+            let (corner, half) = (vector(30.0), DVec3::splat(0.5));
+            let at = |i: u32| [corner + DVec3::new(f64::from(i), 0.0, 0.0), half];
+            let visible = |i: &u32| frustum.may_intersect(at(*i)[0], half);
+            let expected: Vec<u32> = (3..20).filter(visible).collect();
+            let found = frustum.clip_row([3, 19], at).map_or(Vec::new(), |[a, b]| (a..=b).collect());
+            assert_eq!(found, expected);
+            none += usize::from(found.is_empty());
+            part += usize::from(found.len() % 17 > 0);
+            let corners = [at(3)[0] - half, at(19)[0] + half];
+            assert!(!frustum.contains(&corners) || found.len() == 17);
+        }
+        assert!(none > 100 && part > 100, "{none} {part}");
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct TileUniform {
 /// rays.
 const ROUNDING: f64 = 1.01;
 /// Number of bricks (blocks of voxel cells) that a thread projects into the picture as one parallel task.
-const LEAST_SHARE: usize = 1 << 13;
+const LEAST_SHARE: usize = 1 << 11;
 /// Margin around the projection of a brick (block of voxel cells) into the picture, in pixels.
 const PIXELS_AROUND: f64 = 1.0;
 
@@ -107,11 +107,11 @@ impl EyeTiles {
             let from_eye = inside || near <= 0.0;
             let depths = [if from_eye { -FAR } else { (near - plane_mm) as f32 }, (far - plane_mm) as f32];
             // Tangents of the sphere; one that reaches behind the eye is bounded only on its far side.
+            let (per_near, per_far) = (1.0 / near.max(1e-9), 1.0 / far);
             let range = |side: f64, scale: f64, size: f64| {
                 let [lo, hi] = [side - radius, side + radius];
-                let near = near.max(1e-9);
-                let least = if lo > 0.0 { lo / far } else { lo / near };
-                let most = if hi < 0.0 { hi / far } else { hi / near };
+                let least = lo * if lo > 0.0 { per_far } else { per_near };
+                let most = hi * if hi < 0.0 { per_far } else { per_near };
                 [least, most].map(|tangent| 0.5 * size + scale * tangent)
             };
             let columns = range(center.x, pixels_per_tangent[0], width);

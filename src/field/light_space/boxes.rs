@@ -2,7 +2,7 @@
 //! in the projection plane of a shadow map.
 
 use crate::field::ActiveBricks;
-use crate::field::active_bricks::brick_box;
+use crate::field::brick_runs::brick_box;
 use glam::{DVec2, DVec3};
 
 /// Box of volume cells in grid space: voxel index coordinates plus one.
@@ -15,7 +15,7 @@ pub struct GridBox {
 impl GridBox {
     /// Returns the box that contains the bricks (blocks of voxel cells) from `first` to `last` in grid space, clipped
     /// to the volume.
-    fn of_bricks(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> Self {
+    pub fn of_bricks(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> Self {
         let [low, high] = brick_box(first, last, dims);
         Self { center: 0.5 * (low + high), half: 0.5 * (high - low) }
     }
@@ -33,37 +33,6 @@ impl GridBox {
             self.center + self.half * DVec3::new(sign(0), sign(1), sign(2))
         })
     }
-}
-
-/// Returns the grid positions of the active bricks (blocks of cells with extinction), x fastest.
-fn active_positions(active: &ActiveBricks) -> impl Iterator<Item = [usize; 3]> + '_ {
-    let [nx, ny, _] = active.counts;
-    let is_active = active.distance.iter().enumerate().filter(|(_, d)| **d == 0);
-    is_active.map(move |(i, _)| [i % nx, i / nx % ny, i / (nx * ny)])
-}
-
-/// Returns the box of each active brick (block of cells with extinction) in grid space: voxel index coordinates plus
-/// one.
-pub fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
-    active_positions(active).map(move |at| GridBox::of_bricks(at, at, dims))
-}
-
-/// Returns the boxes of those active bricks (blocks of cells with extinction) that `wanted` accepts. Adjacent bricks
-/// along x share one box.
-pub fn active_rows(
-    active: &ActiveBricks,
-    dims: [usize; 3],
-    wanted: impl Fn(&GridBox) -> bool,
-) -> Vec<GridBox> {
-    let mut rows: Vec<([usize; 3], [usize; 3])> = Vec::new();
-    for at in active_positions(active).filter(|at| wanted(&GridBox::of_bricks(*at, *at, dims))) {
-        let [x, y, z] = at;
-        match rows.last_mut() {
-            Some((_, last)) if *last == [x.wrapping_sub(1), y, z] => *last = at,
-            _ => rows.push((at, at)),
-        }
-    }
-    rows.into_iter().map(|(first, last)| GridBox::of_bricks(first, last, dims)).collect()
 }
 
 /// Rectangle in the projection plane of a shadow map.

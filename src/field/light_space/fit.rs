@@ -1,13 +1,15 @@
 //! Fits the projection of a shadow map to all active bricks (blocks of cells with extinction), or to those in the
 //! camera's view.
 
-use super::boxes::{GridBox, Region, active_rows};
+use super::boxes::{GridBox, Region};
 use super::mapping::{LightSpace, MapShape, Projection};
 use crate::field::constants::FAR;
-use crate::field::{ActiveBricks, View, grid_from_world};
+use crate::field::{ActiveBricks, BrickHull, BrickRun, View, grid_from_world};
 use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Tangent of the largest half angle of a perspective shadow map. A wider angle needs an octahedral shadow map, since
 /// corner texels of a perspective one would be too coarse.
@@ -42,22 +44,21 @@ impl LightSpace {
         view: Option<&View>,
     ) -> Self {
         let plain = Self::framed(volume, active, light, shape, None);
-        let all = active_rows(active, volume.dims(), |_| true);
-        let whole = plain.region_of(volume, active, &all);
+        let all = active.hull(volume.dims());
+        let whole = plain.region_of(volume, active, all);
         let Some(view) = view.filter(|_| plain.can_fit_view()) else {
             return plain.laid_out(volume, whole, None);
         };
-        let visible = plain.visible_rows(volume, active, view);
         // A map for a view without visible bricks covers everything.
-        if visible.is_empty() {
+        let Some(visible) = plain.visible_hull(volume, active, view) else {
             return plain.laid_out(volume, whole, None);
-        }
+        };
         let wanted = plain.texel_wanted(volume, &visible, view);
         // The visible part often is a long strip: a frame along it has fewer unused texels.
         let turned = Self::framed(volume, active, light, shape, Some(view.forward()));
         let fitted = [plain, turned].map(|space| {
-            let whole = space.region_of(volume, active, &all);
-            let region = space.region_of(volume, active, &visible).grown(view.margin).within(whole);
+            let whole = space.region_of(volume, active, all);
+            let region = space.region_of(volume, active, Some(&visible)).grown(view.margin).within(whole);
             (space, region, whole)
         });
         let [plain, turned] = fitted;
@@ -161,22 +162,18 @@ impl LightSpace {
         let Some(view) = view.filter(|_| self.can_fit_view()) else {
             return self.region.is_none();
         };
-        let rows = self.visible_rows(volume, active, view);
-        if rows.is_empty() {
-            return true;
-        }
-        let region = self.region.unwrap_or_else(|| {
-            let all = active_rows(active, volume.dims(), |_| true);
-            self.region_of(volume, active, &all)
-        });
-        let visible = self.region_of(volume, active, &rows);
+        let Some(hull) = self.visible_hull(volume, active, view) else { return true };
+        let hull = hull.as_ref();
+        let region =
+            self.region.unwrap_or_else(|| self.region_of(volume, active, active.hull(volume.dims())));
+        let visible = self.region_of(volume, active, Some(hull));
         // Nothing outside the active bricks has extinction.
         let covered = self.region.is_none() || region.contains(visible);
         let turned = Self::framed(volume, active, light, self.shape, Some(view.forward()));
-        let least = visible.area().min(turned.region_of(volume, active, &rows).area());
+        let least = visible.area().min(turned.region_of(volume, active, Some(hull)).area());
         let wide = self.shape.texels.is_none() && {
             let most = self.mm_per_plane() * region.size().max_element() / MOST_TEXELS;
-            self.texel_mm() > MOST_TOO_LARGE * self.texel_wanted(volume, &rows, view).max(most)
+            self.texel_mm() > MOST_TOO_LARGE * self.texel_wanted(volume, hull, view).max(most)
         };
         covered && region.area() <= MOST_TOO_LARGE * least && !wide
     }
@@ -219,34 +216,48 @@ impl LightSpace {
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }
 
-    /// Returns the boxes of the active bricks (blocks of cells with extinction) that may lie in a camera's view.
-    /// Adjacent bricks along x share one box.
-    fn visible_rows(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
+    /// Returns the hull of the active bricks (blocks of cells with extinction) that may be visible in a camera's view;
+    /// `None` if none is.
+    fn visible_hull<'a>(
+        &self,
+        volume: &Volume,
+        active: &'a ActiveBricks,
+        view: &View,
+    ) -> Option<Cow<'a, BrickHull>> {
+        let dims = volume.dims();
+        let all = active.hull(dims)?;
         let frustum = view.frustum(&self.grid_from_world.inverse());
-        active_rows(active, volume.dims(), |b| frustum.may_intersect(b.center, b.half))
+        if frustum.contains(&all.corners) {
+            return Some(Cow::Borrowed(all));
+        }
+        let visible = |run: &BrickRun| {
+            let at = |x: u32| {
+                let [low, high] = run.bounds_of([x, x], dims);
+                [0.5 * (low + high), 0.5 * (high - low)]
+            };
+            frustum.clip_row(run.x, at).map(|x| BrickRun { x, ..*run })
+        };
+        let runs: Vec<BrickRun> = active.runs().par_iter().with_min_len(256).filter_map(visible).collect();
+        BrickHull::of(&runs, dims).map(Cow::Owned)
     }
 
-    /// Returns the rectangle around the given boxes in the projection plane of the shadow map. If there are no boxes,
-    /// it contains all bricks with extinction.
-    fn region_of(&self, volume: &Volume, active: &ActiveBricks, boxes: &[GridBox]) -> Region {
+    /// Returns the smallest rectangle in the projection plane of the shadow map that contains the projections of
+    /// bricks; without bricks, that of the box around all active bricks.
+    fn region_of(&self, volume: &Volume, active: &ActiveBricks, hull: Option<&BrickHull>) -> Region {
         if self.projection == Projection::Octahedral {
             return Region { lo: DVec2::NEG_ONE, hi: DVec2::ONE };
         }
         let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
-        let all = [GridBox::of_active(active, volume.dims())];
-        let boxes = if boxes.is_empty() { &all } else { boxes };
-        let corners = boxes.iter().flat_map(GridBox::corners);
-        Region::around(corners.map(|g| self.plane(frame_from_grid.transform_point3(g))))
+        let around = GridBox::of_active(active, volume.dims()).corners();
+        let corners = hull.map_or(&around[..], |hull| &hull.corners);
+        Region::around(corners.iter().map(|g| self.plane(frame_from_grid.transform_point3(*g))))
     }
 
-    /// Returns the width of a shadow-map texel that suits a camera view, mm: one voxel, or less if a voxel covers
-    /// several pixels of the picture.
-    fn texel_wanted(&self, volume: &Volume, visible: &[GridBox], view: &View) -> f64 {
+    /// Returns the width of a shadow-map texel if the scene determines it, mm: one voxel, or less if voxels appear
+    /// larger than a pixel in the camera's view.
+    fn texel_wanted(&self, volume: &Volume, visible: &BrickHull, view: &View) -> f64 {
         let voxel = volume.min_spacing_mm();
-        let weight = |b: &GridBox| b.half.element_product();
-        let middle = visible.iter().map(|b| weight(b) * b.center).sum::<DVec3>()
-            / visible.iter().map(weight).sum::<f64>();
-        let middle = self.grid_from_world.inverse().transform_point3(middle);
+        let middle = self.grid_from_world.inverse().transform_point3(visible.center);
         (PIXELS_PER_TEXEL * view.pixel_mm(middle)).clamp(voxel / MOST_TEXELS_PER_VOXEL, voxel)
     }
 }

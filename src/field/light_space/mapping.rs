@@ -1,12 +1,16 @@
 //! Mapping between world points, the light frame (coordinates along the axes of the light) and the texels of a shadow
 //! map. The host composes all transforms in `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
 
-use super::boxes::{GridBox, Region, active_boxes};
+use super::boxes::{GridBox, Region};
 use crate::field::constants::TILE;
 use crate::field::{ActiveBricks, March};
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3, IVec3};
+use rayon::prelude::*;
+
+/// Smallest number of bricks whose projections one task of a thread computes.
+const LEAST_SHARE: usize = 1 << 10;
 
 /// Settings of a shadow map that determine its projection: its number of texels, its extent, and the way light rays
 /// are marched.
@@ -167,33 +171,59 @@ impl LightSpace {
     }
 
     /// Returns, for each tile of the shadow map in row-major order, whether it may contain active bricks (blocks of
-    /// cells with extinction). The test uses the bounding rectangle of each brick, and so it never misses one.
+    /// cells with extinction). The test uses the bounding rectangles of the bricks on their surface: a light ray
+    /// through an inner brick leaves through one of these.
     pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
         let across = self.tiles_across();
         if self.projection == Projection::Octahedral {
             return vec![active.active > 0; (across * across) as usize];
         }
-        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
-        let mut tiles = vec![false; (across * across) as usize];
         let [first, end] = self.texels_covered().unwrap_or([DVec2::NEG_INFINITY, DVec2::INFINITY]);
-        for brick in active_boxes(active, volume.dims()) {
-            let texel =
-                |g| self.plane(frame_from_grid.transform_point3(g)) * self.texel_scale + self.texel_offset;
-            let Region { lo, hi } = Region::around(brick.corners().map(texel));
+        let last = f64::from(across - 1);
+        let tile = |t: f64| (t / f64::from(TILE)).clamp(0.0, last) as usize;
+        let texels_of = self.texels_of_boxes();
+        let mark = |mut tiles: Vec<bool>, brick: &IVec3| {
+            let brick = brick.to_array().map(|n| n as usize);
+            let Region { lo, hi } = texels_of(GridBox::of_bricks(brick, brick, volume.dims()));
             // Taps of the pre-filter and rounding reach slightly beyond the texels of a brick.
             let (lo, hi) = ((lo - 1.0).max(first), (hi + 1.0).min(end));
-            if lo.cmpgt(hi).any() {
-                continue;
-            }
-            let last = i64::from(across) - 1;
-            let tile = |t: f64| ((t / f64::from(TILE)).floor() as i64).clamp(0, last) as usize;
-            for y in tile(lo.y)..=tile(hi.y) {
-                for x in tile(lo.x)..=tile(hi.x) {
-                    tiles[y * across as usize + x] = true;
+            if lo.cmple(hi).all() {
+                for y in tile(lo.y)..=tile(hi.y) {
+                    tiles[y * across as usize..][tile(lo.x)..=tile(hi.x)].fill(true);
                 }
             }
+            tiles
+        };
+        let none = || vec![false; (across * across) as usize];
+        let union = |mut tiles: Vec<bool>, others: Vec<bool>| {
+            tiles.iter_mut().zip(others).for_each(|(own, other)| *own |= other);
+            tiles
+        };
+        active.outer().par_iter().with_min_len(LEAST_SHARE).fold(none, mark).reduce(none, union)
+    }
+
+    /// Returns a function from a box in grid space (voxel index coordinates plus one) to the bounding rectangle of its
+    /// projection, in texel coordinates of the shadow map.
+    fn texels_of_boxes(&self) -> impl Fn(GridBox) -> Region + '_ {
+        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
+        let axes = frame_from_grid.matrix3;
+        move |grid: GridBox| {
+            let center = frame_from_grid.transform_point3(grid.center);
+            let sides = [axes.x_axis * grid.half.x, axes.y_axis * grid.half.y, axes.z_axis * grid.half.z];
+            let Region { lo, hi } = if self.projection == Projection::Orthographic {
+                let reach = sides[0].abs() + sides[1].abs() + sides[2].abs();
+                Region { lo: (center - reach).truncate(), hi: (center + reach).truncate() }
+            } else {
+                let corner = |c: usize| {
+                    (0..3).fold(center, |p, a| if c >> a & 1 == 0 { p - sides[a] } else { p + sides[a] })
+                };
+                Region::around((0..8).map(|c| self.plane(corner(c))))
+            };
+            Region {
+                lo: lo * self.texel_scale + self.texel_offset,
+                hi: hi * self.texel_scale + self.texel_offset,
+            }
         }
-        tiles
     }
 
     /// Returns the first and last texel, as texel coordinates, that queries of a shadow map may read, if the map
