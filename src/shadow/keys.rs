@@ -55,7 +55,7 @@ pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
 pub(super) const FROM_KEY: Key = Key::choice(
     DrawnFrom::NAMES,
     "voxels",
-    "what casts shadows: the volume, or the strands that it was made from, drawn into the map",
+    "what casts shadows: the voxels, or the strands themselves, drawn into the map",
 );
 
 /// Name of the setting for the number of shadow map texels per side.
@@ -65,7 +65,7 @@ pub(super) const MAP_KEY: Key = Key::whole_or(
     [1, 8192],
     "auto",
     "auto",
-    "texels a side; auto: about a voxel each, finer where zoomed in",
+    "texels per side of the map; auto: about one voxel each, or finer in a close view",
 )
 .search(&["64", "96", "128", "192", "256", "384", "512", "768", "1024"]);
 
@@ -89,11 +89,8 @@ impl Fit {
 }
 
 /// Setting `fit`: region that a shadow map covers, the visible part of the volume or all of it.
-pub(super) const FIT_KEY: Key = Key::choice(
-    Fit::NAMES,
-    "view",
-    "texels across what the picture shows, or across all that has extinction",
-);
+pub(super) const FIT_KEY: Key =
+    Key::choice(Fit::NAMES, "view", "extent of the map: the visible part of the volume, or all of it");
 
 choices! {
     /// Interpolation between the texels of a shadow map: nearest or bilinear.
@@ -119,15 +116,18 @@ choices! {
 /// Name of the setting that selects how light rays are marched: cell by cell or by regular samples.
 pub(super) const MARCH: &str = "march";
 /// Setting `march`: light rays are marched cell by cell or by regular samples.
-pub(super) const MARCH_KEY: Key =
-    Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
-        .coarse("samples")
-        .when(UNLESS_LINES);
+pub(super) const MARCH_KEY: Key = Key::choice(
+    MarchBy::NAMES,
+    "cells",
+    "march of light rays: cell by cell (exact), or by samples at regular steps",
+)
+.coarse("samples")
+.when(UNLESS_LINES);
 /// Setting `step`: distance between regular samples along light rays, in units of the smallest voxel spacing.
 pub(super) const STEP_KEY: Key = Key::number(
     [0.01, 8.0],
     "0.5",
-    "distance of samples along light rays, in smallest spacings (march=samples)",
+    "step along light rays, in units of the smallest voxel spacing (march=samples)",
 )
 .when(When::Is(MARCH, "samples"));
 
@@ -135,12 +135,16 @@ pub(super) const STEP_KEY: Key = Key::number(
 pub(super) const LOOKUP_KEY: Key = Key::choice(
     Lookups::NAMES,
     "shared",
-    "lookups of light by eye samples: shared by up to four, or one for each",
+    "queries for transmittance along eye rays: one for up to four samples, or one for each",
 );
 
 /// Setting `filter`: interpolation between shadow map texels, nearest or bilinear.
-pub(super) const FILTER_KEY: Key =
-    Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
+pub(super) const FILTER_KEY: Key = Key::choice(
+    Filter::NAMES,
+    "bilinear",
+    "texels read for a point: the nearest, or four with bilinear weights",
+)
+.search_all();
 
 /// Declares the settings of a shadow method: a public struct, and one [`Key`] for each field, with the field's name.
 /// `..MapSettings` inserts the settings that all shadow maps share, and adds the function `shape`.

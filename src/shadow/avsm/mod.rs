@@ -30,9 +30,9 @@ settings! {
     pub struct AdaptiveShadowMap {
         /// Number of nodes of the transmittance curve stored in each texel of an adaptive volumetric shadow map (`N`
         /// of Salvi et al. 2010).
-        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").in_label().search_all(),
+        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "number of nodes of a texel's transmittance curve").in_label().search_all(),
         /// Number of bits of each stored depth and transmittance in an adaptive volumetric shadow map: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "32", "bits of a node's depth and transmittance (floats)").search_all(),
         ..MapSettings,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.

@@ -38,7 +38,7 @@ settings! {
     /// Settings of a bounding opacity map.
     pub struct BoundingOpacityMap {
         /// Number of layers of a bounding opacity map (`K` of Voicu 2011).
-        layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
+        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
         /// Rule that divides the depth range of each texel, from the start to the end of matter, into the layers of a
         /// bounding opacity map.
         split: LayerSplit = split_key("hybrid"),

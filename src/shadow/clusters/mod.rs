@@ -28,13 +28,13 @@ settings! {
     /// Settings of a density clustering shadow map (Mertens et al. 2004).
     pub struct DensityClusters {
         /// Number of clusters of matter along each light ray (`k` of Mertens et al. 2004).
-        clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").in_label().search(&["1", "2", "3", "4", "6", "8", "12", "16"]),
+        clusters: u32 = Key::whole([1, 16], "4", "number of clusters of matter along a light ray").in_label().search(&["1", "2", "3", "4", "6", "8", "12", "16"]),
         /// Number of marches along each light ray; each assigns the matter of the ray to the clusters with the
         /// nearest mean depths.
-        iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean").search(&["1", "2", "4"]),
+        iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "k-means iterations, one march each").search(&["1", "2", "4"]),
         /// Number of bits of each stored float of a cluster (mean depth, standard deviation and optical depth): 16 or
         /// 32.
-        bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "16", "bits of a cluster's mean, spread and optical depth (floats)").search_all(),
         ..MapSettings,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.

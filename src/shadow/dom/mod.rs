@@ -46,7 +46,7 @@ settings! {
     /// Settings of a deep opacity map.
     pub struct DeepOpacityMap {
         /// Number of layers of a deep opacity map (`K` of Yuksel and Keyser 2008).
-        layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
+        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
         /// Rule that divides the depth range behind the first matter into the layers of a deep opacity map.
         split: LayerSplit = split_key("growing"),
         /// Weight of logarithmic against linear layer spacing with `split=hybrid`, from 0 (linear) to 1
@@ -62,7 +62,7 @@ settings! {
         spread: f64 = Key::number(
             [0.001, 1.0],
             "0.25",
-            "how deep the layers reach, as a share of the map's depth range",
+            "depth that the layers cover, as a share of the map's depth range",
         )
         .search(&["0.1", "0.25", "0.5", "1"])
         .when(When::Unless("beyond", "cover")),
@@ -70,7 +70,7 @@ settings! {
         beyond: Beyond = Key::choice(
             Beyond::NAMES,
             "extend",
-            "what lies behind the last layer: it is in that, nowhere, or there is none since the layers grow",
+            "matter behind the last layer: added to it, ignored, or covered by larger layers",
         )
         .search(&["extend", "cover"]),
         /// Number of bits of each texel's stored start depth, at which matter begins: 8, 16 or 32.

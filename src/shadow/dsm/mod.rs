@@ -82,7 +82,7 @@ settings! {
     pub struct DeepShadowMap {
         /// Largest error in transmittance that the compression of a deep shadow map may make (`epsilon` of Hadwiger
         /// et al. 2006).
-        epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error that compression may make in transmittance")
+        epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error bound of compression, in transmittance")
             .in_label()
             .coarse("0.05")
             .search(&["0.2", "0.1", "0.06", "0.04", "0.02", "0.01", "0.005", "0.002"]),
@@ -90,13 +90,13 @@ settings! {
         compress: Compress = Key::choice(
             Compress::NAMES,
             "greedy",
-            "lines from node to node (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
+            "compression: greedy segments (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
         /// Geometry that casts the shadows: the voxels of the volume, or the strands (line segments of hair or
         /// fibres) from which the volume was made.
         from: DrawnFrom = FROM_KEY,
         /// Number of sub-texel light rays whose mean transmittance a shadow map texel stores: 1, 5 or 9.
-        prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
+        prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "number of light rays averaged in a texel")
             .coarse("1")
             .search(&["1", "5"])
             .when(UNLESS_LINES),
@@ -105,7 +105,7 @@ settings! {
         precompress: Precompress = Key::choice(
             Precompress::NAMES,
             "table",
-            "pre-compressed transfer-function table, or regular point samples",
+            "pre-compressed transfer-function table, or point samples at regular steps",
         )
         .when(UNLESS_LINES),
         /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
@@ -123,11 +123,11 @@ settings! {
         step: f64 = Key::number(
             [0.01, 8.0],
             "0.5",
-            "regular light step, in smallest spacings (march=samples, precompress=off, prefilter)",
+            "step along light rays, in units of the smallest voxel spacing (march=samples, precompress=off, prefilter)",
         ),
         /// Offset (bias) added to the depth of a point, as seen from the light, before its transmittance is queried;
         /// in units of the smallest voxel spacing.
-        offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
+        offset: f64 = Key::number([-8.0, 8.0], "0", "bias added to the depth of a point, in units of the smallest voxel spacing"),
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
         lookup: Lookups = LOOKUP_KEY,

@@ -54,13 +54,13 @@ settings! {
     /// Settings of a Fourier opacity map.
     pub struct FourierOpacityMap {
         /// Number of terms of the Fourier series beside the constant term (`n` of Jansen and Bavoil 2010).
-        terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").in_label().search(&["1", "3", "5", "7", "11", "15", "23", "31"]),
+        terms: u32 = Key::whole([1, 31], "7", "number of terms of the Fourier series beside the constant").in_label().search(&["1", "3", "5", "7", "11", "15", "23", "31"]),
         /// Depth range over which the Fourier series is expanded: the map's, or that of the matter in each texel.
-        range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own").search_all(),
+        range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depth range of the series: that of the map, or of each texel").search_all(),
         /// Weights of the Fourier terms: all 1, or Lanczos sigma factors, which reduce ringing.
-        damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less").search_all(),
+        damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos factors against ringing").search_all(),
         /// Number of bits of each stored Fourier coefficient, a float: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "16", "bits of a coefficient (float)").search_all(),
         ..MapSettings,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.

@@ -34,27 +34,28 @@ pub const fn split_key(default: &'static str) -> Key {
     Key::choice(
         LayerSplit::NAMES,
         default,
-        "how layers share the extent; auto and texel choose the ratio, for all or by region",
+        "division of the depth range into layers; auto and texel choose the ratio, for the map or by region",
     )
     .search_all()
 }
 
-pub const RATIO_KEY: Key = Key::number([0.0, 1.0], "0.5", "from linear to log (split=hybrid)")
-    .in_label()
-    .search(&["0", "0.25", "0.5", "0.75", "1"])
-    .when(When::Is("split", "hybrid"));
+pub const RATIO_KEY: Key =
+    Key::number([0.0, 1.0], "0.5", "blend from linear (0) to logarithmic (1) division (split=hybrid)")
+        .in_label()
+        .search(&["0", "0.25", "0.5", "0.75", "1"])
+        .when(When::Is("split", "hybrid"));
 
 pub const LOG_SIZE_KEY: Key = Key::number(
     [2.0, 65536.0],
     "256",
-    "logarithms go over the interval from 1 to this (all splits but linear and growing)",
+    "logarithms are taken over the interval from 1 to this number (not for split=linear or growing)",
 )
 .when(When::UnlessEither([("split", "linear"), ("split", "growing")]));
 
 pub const MEASURE_KEY: Key = Key::choice(
     Measure::NAMES,
     "correlation",
-    "least correlation or greatest difference between neighbouring layers (split=auto)",
+    "criterion of the ratio: smallest correlation or largest difference of neighbouring layers (split=auto)",
 )
 .when(When::Is("split", "auto"));
 

@@ -55,13 +55,13 @@ pub(super) const LAYERS: [u32; 2] = [1, 512];
 pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
     "16",
-    "of a stored optical depth: 8 is a share of kappa, 16 and 32 are floats",
+    "bits of a stored optical depth: 8 (share of kappa), 16 or 32 (floats)",
 )
 .search_all();
 pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
     "16",
-    "of a texel's stored depths: 8 and 16 are steps of the map's range, 32 a float",
+    "bits of a texel's stored depths: 8 or 16 (steps of the map's range), 32 (float)",
 )
 .search_all();
 
@@ -78,7 +78,7 @@ choices! {
 pub(super) const AVERAGE_KEY: Key = Key::choice(
     Average::NAMES,
     "depth",
-    "what filters average: optical depth, as in the papers, or transmittance",
+    "quantity that filters average: optical depth (as in the papers), or transmittance",
 )
 .search_all();
 

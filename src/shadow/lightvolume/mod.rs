@@ -51,14 +51,14 @@ settings! {
     /// Settings of a light volume.
     pub struct LightVolume {
         /// Distance between neighbouring nodes of the light volume along each axis, in voxels.
-        scale: f64 = Key::number([0.5, 64.0], "2", "voxels from one node to the next").in_label().search(&["16", "8", "6", "4", "3", "2", "1.5", "1"]),
+        scale: f64 = Key::number([0.5, 64.0], "2", "distance of lattice nodes, in voxels").in_label().search(&["16", "8", "6", "4", "3", "2", "1.5", "1"]),
         /// Algorithm that builds the light volume: a march from every node, or a sweep slice by slice.
-        build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
+        build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "propagation of light: a march from every node to the light, or slice by slice").in_label().search_all(),
         /// Number of bits stored for each node of the light volume: 8, 16 or 32.
-        bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
+        bits: u32 = Key::choice(&["8", "16", "32"], "16", "bits of a node's value: 8 (steps), 16 or 32 (floats)").search_all(),
         /// Quantity that the light volume stores at its nodes and averages between them: optical depth or
         /// transmittance.
-        average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
+        average: Average = Key::choice(Average::NAMES, "transmittance", "quantity that nodes store and filters average: optical depth or transmittance").search_all(),
         /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
         /// distances.
         march: MarchBy = MARCH_KEY,

@@ -71,17 +71,17 @@ settings! {
     /// Settings of a moment shadow map.
     pub struct MomentMap {
         /// Number of moments stored in each texel of a moment shadow map beside the optical depth: 4, 6 or 8.
-        moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").in_label().search_all(),
+        moments: u32 = Key::choice(&["4", "6", "8"], "6", "number of moments beside the optical depth (trigonometric: 2, 3 or 4 complex ones)").in_label().search_all(),
         /// Basis functions of the moments: powers of the depth, or of points on the unit circle.
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
         /// Position of the optical depth that a query returns between the smallest (0) and the largest (1) that the
         /// stored moments allow.
-        beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
+        beta: f64 = Key::number([0.0, 1.0], "0.25", "estimate between the smallest (0) and the largest (1) optical depth that the moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
         /// Number of bits of each stored moment: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "32", "bits of a moment: 16 (even steps from -1 to 1) or 32 (float)").search_all(),
         /// Factor that multiplies the bias of Münstermann et al. 2018, which protects the stored moments against
         /// rounding errors.
-        bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
+        bias: f64 = Key::number([0.0, 1e4], "1", "bias of the moments towards those of a wide distribution, as a factor of the paper's value"),
         ..MapSettings,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.

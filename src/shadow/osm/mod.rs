@@ -51,16 +51,16 @@ settings! {
     /// Settings of an opacity shadow map.
     pub struct OpacityShadowMap {
         /// Number of planes of an opacity shadow map (`N` of Kim and Neumann 2001).
-        layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
+        layers: u32 = Key::whole(LAYERS, "32", "number of planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
         /// Rule by which the planes of an opacity shadow map are placed in depth.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
-            "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
+            "positions of planes: evenly spaced, at equal shares of optical depth or of absorbed light, or denser near the light",
         )
         .search_all(),
         /// Width, in texels, of the square of shadow map texels over which a transmittance query averages: 1 or 3.
-        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged").search_all(),
+        kernel: u32 = Key::choice(&["1", "3"], "1", "width of the averaging kernel, in texels").search_all(),
         /// Number of bits of each optical depth stored in an opacity shadow map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
