@@ -2,7 +2,7 @@
 # make quick   the library's unit tests and the tests without a device: for the inner loop
 # make test    every test, the slow ones at a small size, those of the Python module too; UMBRAVOX_TESTS=full for full size
 # make python  the Python module: its wheel is built, installed into a fresh virtual environment and tested
-# make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
+# make adapters   the tests that depend on a driver, and the stability suite, on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches, and what shadows cost at which error (in turn with UMBRAVOX_BEFORE, another binary, and
 #              UMBRAVOX_PEER, a command that runs VTK's ray caster)

@@ -20,16 +20,16 @@ status=0
 for name in "${!drivers[@]}"; do
     file=${drivers[$name]}
     if [[ -z $file ]]; then
-        echo "skipped: there is no $name"
+        echo "skipped: adapter-$name: its driver is not installed"
         continue
     fi
     echo "adapter: $name ($file)"
     folder=$(mktemp -d)
-    # What has run there already (TESTED) is not run again. Searches are short here. Tests without a question to a driver are
-    # skipped: of commands and tables (files, interrupts), of skipped work (one driver, twice), and of numbers of nodes.
+    # What has run there already (TESTED) is not run again. Searches are short here. Skipped are tests of commands and tables
+    # (files, interrupts), and those of skipped work, which compare a driver with itself.
     [[ $name == "${TESTED:-}" ]] ||
         UMBRAVOX_TESTS=small VK_DRIVER_FILES=$file "$cargo" test --locked --test gpu -- --show-output \
-            --skip compare:: --skip cli:: --skip forced:: --skip tunnel:: || status=1
+            --skip compare:: --skip cli:: --skip forced:: || status=1
     VK_DRIVER_FILES=$file timeout 1200 "$umbravox" stability -o "$folder" || status=1
     rm -rf "$folder"
 done

@@ -33,8 +33,9 @@ pub fn brick_box(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> [DVec
     [low, high].map(DVec3::from_array)
 }
 
-/// Convex hull of bricks, slice by slice across z, in grid space (voxel index coordinates plus one). Every linear function
-/// has its smallest and largest value over the bricks at a corner of this hull.
+/// Convex hulls of all slices of bricks across z, in grid space (voxel index coordinates plus one). Every linear function
+/// has its smallest and largest value over the bricks at a corner of these hulls, and so has every perspective projection
+/// of bricks in front of the light.
 #[derive(Debug, Clone)]
 pub struct BrickHull {
     /// Corners of the convex hulls of all slices of bricks.

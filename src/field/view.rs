@@ -88,8 +88,9 @@ impl Frustum {
         points.iter().all(|p| self.0.iter().all(|(normal, origin)| normal.dot(*p) + origin <= 0.0))
     }
 
-    /// Returns the first and the last box of a row of adjacent equal boxes that may intersect the view frustum, given
-    /// first and last of the row; `None` if there is none. `at` returns centre and half size of a box.
+    /// Returns the first and the last box of a row that may intersect the view frustum, given first and last of the row;
+    /// `None` if there is none. `at` returns centre and half size of a box; the lower and the upper sides of the boxes
+    /// rise along the row.
     pub fn clip_row(&self, row: [u32; 2], at: impl Fn(u32) -> [DVec3; 2]) -> Option<[u32; 2]> {
         let [mut first, mut last] = row;
         for plane in &self.0 {
@@ -152,13 +153,17 @@ mod tests {
         let scene = Scene::framing(&Phantom::Slab.build(8).unwrap());
         let mut random = fastrand::Rng::with_seed(5);
         let mut vector = |scale: f64| DVec3::from_array([0; 3].map(|_| scale * (random.f64() - 0.5)));
-        let (mut none, mut part) = (0, 0);
+        let (mut none, mut part, mut inside) = (0, 0, 0);
         for _ in 0..2000 {
             let camera = Camera { eye: vector(40.0), target: vector(20.0), ..scene.camera };
             let frustum = View::of(&Scene { camera, ..scene.clone() }).frustum(&DAffine3::IDENTITY);
             let (corner, half) = (vector(30.0), DVec3::splat(0.5));
-            let at = |i: u32| [corner + DVec3::new(f64::from(i), 0.0, 0.0), half];
-            let visible = |i: &u32| frustum.may_intersect(at(*i)[0], half);
+            // The last box is cut, as at the border of a volume.
+            let at = |i: u32| {
+                let cut = if i == 19 { DVec3::new(0.3, 0.0, 0.0) } else { DVec3::ZERO };
+                [corner + DVec3::new(f64::from(i), 0.0, 0.0) - cut, half - cut]
+            };
+            let visible = |i: &u32| frustum.may_intersect(at(*i)[0], at(*i)[1]);
             let expected: Vec<u32> = (3..20).filter(visible).collect();
             let found = frustum.clip_row([3, 19], at).map_or(Vec::new(), |[a, b]| (a..=b).collect());
             assert_eq!(found, expected);
@@ -166,7 +171,8 @@ mod tests {
             part += usize::from((1..17).contains(&found.len()));
             let corners = [at(3)[0] - half, at(19)[0] + half];
             assert!(!frustum.contains(&corners) || found.len() == 17);
+            inside += usize::from(frustum.contains(&corners));
         }
-        assert!(none > 100 && part > 100, "{none} {part}");
+        assert!(none > 100 && part > 100 && inside > 10, "{none} {part} {inside}");
     }
 }

@@ -103,7 +103,7 @@ columns! {
     clock [""]: Option<Clock>,
     /// Time of the first build of the shadow map, by the host's clock, with the compilation of new shaders.
     build_first_ms ["ms"]: Option<f64>,
-    /// Part of `build_ms` that the host takes, to fit the shadow map to the scene and to list the tiles to build.
+    /// Part of `build_ms` outside the GPU passes: fitting the map, listing its tiles, buffers and read-backs.
     build_host_ms ["ms"]: Option<f64>,
     /// Part of `build_ms` that the GPU passes take, by the adapter's timestamps. Empty for an adapter without
     /// timestamps or a method without GPU passes.

@@ -229,6 +229,9 @@ mod tests {
         );
         let e = file("phantom:hair-curly:2000", 10_000).0.unwrap_err();
         assert!(e.why.contains("2000 segments and 4 sides") && e.why.contains("10000 are the most"), "{e}");
+        // Files share the limit.
+        let e = read(&["phantom:hair-curly:50000", "phantom:hair-curly:30000"]).0.unwrap_err();
+        assert!(e.place.contains("phantom:hair-curly:30000"), "{e}");
         assert!(read(&["phantom:thorax"]).0.is_err() && read(&["gone.tck"]).0.is_err());
     }
 }

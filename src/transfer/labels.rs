@@ -77,7 +77,7 @@ impl TransferFunction {
     /// values in `[low, high]`.
     ///
     /// # Errors
-    /// The transfer functions differ in quantity or reference length, or there are too many.
+    /// The transfer functions store different quantities, or opacities for different lengths, or there are too many.
     pub fn side_by_side(&self, [low, high]: [f64; 2]) -> Result<SideBySide, String> {
         let functions: Vec<&Self> = self.functions().collect();
         let others = functions.len() - 1;

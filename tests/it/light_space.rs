@@ -136,6 +136,7 @@ fn a_map_of_a_view_covers_the_visible_points() {
         let view = View::of(&scene);
         for (projection, light) in lights(&volume) {
             let space = LightSpace::fit(&volume, &active, light, shape(100), Some(&view));
+            let tiles = space.occupied_tiles(&volume, &active);
             let everything = LightSpace::fit(&volume, &active, light, shape(100), None);
             let finer = projection != Projection::Octahedral && camera.fov_deg < 10.0;
             assert!(
@@ -175,6 +176,12 @@ fn a_map_of_a_view_covers_the_visible_points() {
                     texel.cmpge(low).all() && texel.cmple(high).all(),
                     "{projection:?}: {point} at {texel}"
                 );
+                // Every texel that a bilinear query reads there is in a tile that is built.
+                for corner in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
+                    let t = (texel.floor() + corner).clamp(DVec2::ZERO, DVec2::splat(99.0));
+                    let [x, y] = [t.x as u32 / TILE, t.y as u32 / TILE];
+                    assert!(tiles[(y * space.tiles_across() + x) as usize], "{projection:?}: {texel}");
+                }
             }
             assert!(seen > 300, "{seen}");
         }

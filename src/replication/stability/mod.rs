@@ -43,8 +43,10 @@ const PICTURE: [u32; 2] = [32, 24];
 const DEFAULT_DEPTH: f64 = 0.02;
 /// Ratio of a method's time or memory to that in the ordinary stability case from which the stability table notes it.
 const NOTED_RATIO: f64 = 20.0;
-/// Time in ms for building a shadow map and rendering a picture, below which both are timed twice.
-const REPEATED_BELOW_MS: f64 = 500.0;
+/// Time that the device needs for a shadow map and a picture, ms, and largest ratio of host to device time, for a case
+/// that is timed once. Others are timed twice, since the first time includes the compilation of shaders.
+const SLOW_MS: f64 = 500.0;
+const MOST_HOST: f64 = 0.1;
 /// Smallest time of the ordinary stability case that serves as a baseline, ms. Shorter times consist mostly of
 /// command submission.
 const LEAST_MS: f64 = 1.0;
@@ -235,15 +237,17 @@ impl Lit<'_> {
             let shadow = session.shadow(method, self.light)?;
             let picture = session.render(&shadow, &scene)?;
             let report = &shadow.report;
-            let cost =
-                Cost { build_ms: report.build_ms(), frame_ms: picture.span.best().0, bytes: report.bytes };
-            Ok((shadow, picture, cost))
+            let frame_ms = picture.span.best().0;
+            let cost = Cost { build_ms: report.build_ms(), frame_ms, bytes: report.bytes };
+            let device_ms = frame_ms + report.device.map_or(0.0, |span| span.best().0);
+            let is_settled = device_ms > SLOW_MS && report.host_ms < MOST_HOST * device_ms;
+            Ok((shadow, picture, cost, is_settled))
         };
-        let (mut shadow, mut picture, mut cost) = draw()?;
-        // The first run includes preparations of the driver, which are a small part of a slow run.
-        if cost.build_ms + cost.frame_ms < REPEATED_BELOW_MS {
+        let (mut shadow, mut picture, mut cost, is_settled) = draw()?;
+        // The host's part of the first run includes the compilation of shaders.
+        if !is_settled {
             let first = cost;
-            (shadow, picture, cost) = draw()?;
+            (shadow, picture, cost, _) = draw()?;
             cost = cost.smaller_times(first);
         }
         let mut found = self.query_rays(method, &shadow)?;
