@@ -1,8 +1,8 @@
 //! Shadow method `lightvolume`: light volumes.
 //!
-//! As in most volume renderers, a second volume on a coarser lattice stores the light that arrives at each node
-//! (Behrens and Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). It is filtered like any other
-//! volume. Nothing aliases in the projection of the light, but shadows are no sharper than the lattice.
+//! A light volume is a coarse lattice over the volume whose nodes store the light that arrives there (Behrens and
+//! Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). It is filtered like any other volume, and has no
+//! projection of the light that could alias. Shadows are no sharper than the lattice.
 //!
 //! * `build=gather` marches from every node to the light, which is exact at nodes.
 //! * `build=sweep` advances through slices away from the light, as the paper and half-angle slicing (Kniss et al.
