@@ -1,5 +1,5 @@
-//! Hot stages of the device: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM if available
-//! (`../shared/data` or `UMBRAVOX_DATA`).
+//! Hot stages of the device: tables, an opacity edit, deep shadow map, frames. On the built-in chest, and on CT_AVM if
+//! available (`../shared/data` or `UMBRAVOX_DATA`); `UMBRAVOX_BENCH_VOLUME` names another volume instead.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -17,6 +17,10 @@ use umbravox::transfer::{PairTable, TransferTables};
 fn stages(criterion: &mut Criterion) {
     let mut sources = vec![("thorax", "phantom:thorax:128".to_string())];
     sources.extend(common::scan_if_present("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
+    let own = std::env::var("UMBRAVOX_BENCH_VOLUME").ok();
+    if let Some(volume) = &own {
+        sources = vec![(volume, volume.clone())];
+    }
     for (name, source) in sources {
         let volume = Arc::new(load(&VolumeSpec::new(source)).expect("the volume loads"));
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;
@@ -39,9 +43,20 @@ fn stages(criterion: &mut Criterion) {
                 )
             });
         });
+        let mut edited = tf.clone();
+        edited.points.iter_mut().for_each(|point| point.value += 1.0);
+        group.bench_function("opacity edit", |b| b.iter(|| session.fresh_transfer(black_box(&edited))));
         let scene = Scene { width: 256, height: 256, ..Scene::framing(&volume) };
         let [none, dsm] = ["none", "dsm:map=256"].map(|m| shadow::parse(m).expect("a method"));
         group.bench_function("build dsm", |b| b.iter(|| session.shadow(dsm.as_ref(), scene.light())));
+        group.bench_function("opacity edit to picture", |b| {
+            b.iter(|| {
+                let transfer = session.fresh_transfer(&edited).expect("tables");
+                let renderer = &session.renderer;
+                let map = renderer.shadow(&session.loaded, &transfer, dsm.as_ref(), scene.light());
+                renderer.render(&session.loaded, &transfer, &map.expect("a map"), &scene).map(|p| p.span)
+            })
+        });
         for method in [none, dsm] {
             let map = session.shadow(method.as_ref(), scene.light()).expect("a map");
             group.bench_function(format!("frame {}", method.name()), |b| {

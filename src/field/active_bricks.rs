@@ -1,10 +1,11 @@
 //! Active bricks: blocks of voxel cells with nonzero extinction under a transfer function. The distance of every
 //! brick to the nearest active one lets rays skip empty space without loss.
 
+use super::brick_distances::{Extent, distances_along_row, spread_across_rows};
 use super::brick_runs::{BrickHull, BrickRun, brick_box};
 use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
-use glam::{DAffine3, DVec3, IVec3, USizeVec3};
+use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
@@ -110,6 +111,16 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
     used.into_iter().enumerate().map(|(i, tf)| (labels_of(i), blurred(tf))).collect()
 }
 
+/// Number of rows of bricks (blocks of voxel cells) that a thread processes as one parallel task.
+const LEAST_ROWS: usize = 64;
+
+/// Whether the range of values of a brick (block of voxel cells) overlaps one of the disjoint, rising intervals.
+fn overlaps(intervals: &[[f64; 2]], min: f64, max: f64) -> bool {
+    // Only the first interval that does not lie below the brick can overlap it.
+    let next = intervals.partition_point(|[_, hi]| *hi < min);
+    intervals.get(next).is_some_and(|[lo, _]| *lo <= max)
+}
+
 impl ActiveBricks {
     /// Finds the active bricks of a volume: blocks of cells whose range of voxel values has extinction under a
     /// transfer function.
@@ -123,33 +134,35 @@ impl ActiveBricks {
     pub fn blurred(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Self {
         let classes = intervals_of_labels(bricks, tf, blur);
         let planes = planes_over_bricks(bricks, tf);
-        let is_active = |brick: usize| {
-            if is_clipped(brick, bricks.counts, &planes) {
-                return false;
+        let [nx, ..] = bricks.counts;
+        let mut distance = vec![u8::MAX; bricks.len()];
+        let rows = distance.par_chunks_exact_mut(nx).with_min_len(LEAST_ROWS).enumerate();
+        let parts = rows.map(|(row, line)| {
+            let first = row * nx;
+            for (ranks, intervals) in &classes {
+                let ranges = bricks.min[first..][..nx].iter().zip(&bricks.max[first..][..nx]);
+                for ((x, d), (min, max)) in line.iter_mut().enumerate().zip(ranges) {
+                    let occurs = || bricks.labels.as_ref().is_none_or(|l| l.sets[first + x].meets(ranks));
+                    if overlaps(intervals, *min, *max) && occurs() {
+                        *d = 0;
+                    }
+                }
             }
-            let (min, max) = (bricks.min[brick], bricks.max[brick]);
-            classes.iter().any(|(ranks, intervals)| {
-                let occurs = bricks.labels.as_ref().is_none_or(|labels| labels.sets[brick].meets(ranks));
-                // Only the first interval that does not lie below the brick can overlap it.
-                let next = intervals.partition_point(|[_, hi]| *hi < min);
-                occurs && intervals.get(next).is_some_and(|[lo, _]| *lo <= max)
-            })
-        };
-        let distance = (0..bricks.len()).into_par_iter().with_min_len(1 << 12);
-        let distance = distance.map(|brick| if is_active(brick) { 0 } else { u8::MAX }).collect();
-        Self::from_seeds(bricks.counts, distance)
-    }
-
-    /// Computes the distances of all bricks to the nearest active brick (block of cells with extinction). `distance`
-    /// holds 0 for active bricks and 255 for others.
-    fn from_seeds(counts: [usize; 3], mut distance: Vec<u8>) -> Self {
-        let (active, bounds) = count_and_bounds(counts, &distance);
+            if !planes.is_empty() {
+                let kept = |x: usize| !is_clipped(first + x, bricks.counts, &planes);
+                line.iter_mut().enumerate().filter(|(x, _)| !kept(*x)).for_each(|(_, d)| *d = u8::MAX);
+            }
+            let extent = Extent::of_row(bricks.counts, row, line);
+            distances_along_row(line);
+            extent
+        });
+        let Extent { active, bounds } = parts.reduce(Extent::default, Extent::with);
         // With no or only active bricks, these are the distances.
         if active > 0 && active < distance.len() {
-            chebyshev(counts, &mut distance);
+            spread_across_rows(bricks.counts, &mut distance);
         }
         Self {
-            counts,
+            counts: bricks.counts,
             distance,
             active,
             bounds,
@@ -172,20 +185,25 @@ impl ActiveBricks {
     pub fn outer(&self) -> &[IVec3] {
         self.outer.get_or_init(|| {
             let [nx, ny, nz] = self.counts;
-            let mut outer = Vec::new();
-            for (row, line) in self.distance.chunks_exact(nx).enumerate() {
+            let row_at = |row: usize| &self.distance[row * nx..][..nx];
+            let outer_of = |(row, line): (usize, &[u8])| {
                 let (y, z) = (row % ny, row / ny);
                 let edge = y == 0 || z == 0 || y + 1 == ny || z + 1 == nz;
-                for x in (0..nx).filter(|x| line[*x] == 0) {
-                    let i = row * nx + x;
-                    let beside = [1, nx, nx * ny];
-                    let bare = |step: &usize| self.distance[i - step] != 0 || self.distance[i + step] != 0;
-                    if edge || x == 0 || x + 1 == nx || beside.iter().any(bare) {
-                        outer.push(IVec3::new(x as i32, y as i32, z as i32));
-                    }
-                }
-            }
-            outer
+                let beside =
+                    if edge { [line; 4] } else { [row - 1, row + 1, row - ny, row + ny].map(row_at) };
+                let bare = |x: &usize| {
+                    let ends = edge || *x == 0 || x + 1 == nx;
+                    ends || line[x - 1] | line[x + 1] != 0 || beside.iter().any(|row| row[*x] != 0)
+                };
+                let outer = (0..nx).filter(|x| line[*x] == 0).filter(bare);
+                outer.map(|x| IVec3::new(x as i32, y as i32, z as i32)).collect::<Vec<_>>()
+            };
+            self.distance
+                .par_chunks_exact(nx)
+                .enumerate()
+                .with_min_len(LEAST_ROWS)
+                .flat_map_iter(outer_of)
+                .collect()
         })
     }
 
@@ -206,7 +224,12 @@ impl ActiveBricks {
                 }
                 runs
             };
-            self.distance.par_chunks_exact(nx).enumerate().flat_map_iter(runs_of).collect()
+            self.distance
+                .par_chunks_exact(nx)
+                .enumerate()
+                .with_min_len(LEAST_ROWS)
+                .flat_map_iter(runs_of)
+                .collect()
         })
     }
 
@@ -222,65 +245,5 @@ impl ActiveBricks {
         let [first, last] = self.bounds?;
         // Grid space is index space plus one.
         Some(brick_box(first, last, dims).map(|p| p - 1.0))
-    }
-}
-
-fn count_and_bounds([nx, ny, _]: [usize; 3], distance: &[u8]) -> (usize, Option<[[usize; 3]; 2]>) {
-    let (mut active, mut first, mut last) = (0, USizeVec3::MAX, USizeVec3::ZERO);
-    let is_active = |d: &u8| *d == 0;
-    for (row, line) in distance.chunks_exact(nx).enumerate() {
-        let ends = line.iter().position(is_active).zip(line.iter().rposition(is_active));
-        if let Some((x0, x1)) = ends {
-            active += line[x0..=x1].iter().filter(|d| is_active(d)).count();
-            let (y, z) = (row % ny, row / ny);
-            first = first.min(USizeVec3::new(x0, y, z));
-            last = last.max(USizeVec3::new(x1, y, z));
-        }
-    }
-    (active, (active > 0).then(|| [first, last].map(|at| at.to_array())))
-}
-
-/// Computes a Chebyshev distance transform of the bricks in place. Active bricks start with 0 and all others with
-/// 255; distances are exact up to 255.
-///
-/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): the distance of a brick is one more than the
-/// least of its 26 neighbours, and each sweep visits half of them before the brick.
-fn chebyshev([nx, ny, nz]: [usize; 3], distance: &mut [u8]) {
-    let rows = ny * nz;
-    // Least distance of neighbouring rows, with one more brick at both ends.
-    let mut nearest = vec![u8::MAX; nx + 2];
-    for forward in [true, false] {
-        for i in 0..rows {
-            let row = if forward { i } else { rows - 1 - i };
-            let (y, z) = (row % ny, row / ny);
-            // Position counted from the end at which the sweep starts.
-            let (y, z) = if forward { (y, z) } else { (ny - 1 - y, nz - 1 - z) };
-            let known = [
-                (y > 0).then_some(1),
-                (z > 0 && y + 1 < ny).then(|| ny - 1),
-                (z > 0).then_some(ny),
-                (z > 0 && y > 0).then(|| ny + 1),
-            ];
-            nearest[1..=nx].fill(u8::MAX);
-            for back in known.into_iter().flatten() {
-                let neighbour = if forward { row - back } else { row + back };
-                let values = &distance[neighbour * nx..][..nx];
-                nearest[1..=nx].iter_mut().zip(values).for_each(|(near, d)| *near = (*near).min(*d));
-            }
-            let own = &mut distance[row * nx..][..nx];
-            for (d, near) in own.iter_mut().zip(nearest.windows(3)) {
-                *d = (*d).min(near[0].min(near[1]).min(near[2]).saturating_add(1));
-            }
-            let mut before = u8::MAX;
-            let mut step = |d: &mut u8| {
-                *d = (*d).min(before.saturating_add(1));
-                before = *d;
-            };
-            if forward {
-                own.iter_mut().for_each(&mut step)
-            } else {
-                own.iter_mut().rev().for_each(&mut step)
-            }
-        }
     }
 }

@@ -3,6 +3,7 @@
 //! group 1).
 
 mod active_bricks;
+mod brick_distances;
 mod brick_runs;
 mod constants;
 mod context;
