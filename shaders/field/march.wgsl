@@ -24,10 +24,10 @@
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, ordinates_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::labels::{label_shift, shifted_cubic, label_borders, next_label_border, UNKNOWN_SHIFT, CUTS_BY_LABEL}
-#import umbravox::quirks::STEPS_TOGETHER
+#import umbravox::tuning::STEPS_TOGETHER
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::report_iteration_limit
-#import umbravox::work::{count_work, CELLS, PIECES}
+#import umbravox::work::{count_step, count_work, CELLS, PIECES}
 
 // Gauss-Legendre quadrature on [0, 1] with four points, exact to degree seven.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
@@ -233,6 +233,7 @@ fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>,
 // Advances the ray by one cell, or skips to the exit of the cube of empty bricks. A cell with extinction starts a
 // chord.
 fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
+    count_step();
     let cell = (*march).cell;
     let grid_cell = ray.first_cell + ray.sense * cell;
     let distance = brick_distance_at(grid_cell >> BRICK_SHIFT);

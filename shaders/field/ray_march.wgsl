@@ -10,7 +10,8 @@
 
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::labels::{label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
-#import umbravox::quirks::STEPS_TOGETHER
+#import umbravox::tuning::STEPS_TOGETHER
+#import umbravox::work::count_step
 
 struct Ray {
     // Point of the ray at depth 0, and its direction per mm, in grid space.
@@ -104,6 +105,7 @@ fn brick_at(ray: Ray, t: f32) -> vec3<i32> {
 
 // Advances the march to the next sample, or to the last sample in the empty bricks around it.
 fn step(march: ptr<function, RayMarch>, ray: Ray) {
+    count_step();
     let behind = sample_depth(ray, (*march).k);
     let next = next_sample((*march).k);
     let stretch = label_stretch(ray.o, ray.d, ray.inv_d, behind, sample_depth(ray, next));

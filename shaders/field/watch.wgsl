@@ -8,6 +8,8 @@ struct Watched {
     loops_at_limit: atomic<u32>,
     // Work counters of umbravox::work, low and high word of each.
     work: array<atomic<u32>, #{WORK_WORDS}>,
+    // Number of march steps of the longest ray in each block of 8 x 4 threads.
+    longest: array<atomic<u32>, #{MAX_BLOCKS}>,
 }
 
 @group(0) @binding(7) var<storage, read_write> watched: Watched;

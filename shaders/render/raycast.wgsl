@@ -15,11 +15,14 @@
 #import umbravox::frame::{frame, picture, pixel_of}
 #import umbravox::field::{field, value_at, FAR}
 #import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
+#ifdef RESUMABLE
+#import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
+#endif
 #import umbravox::transfer::{color_integral_at, mean_color}
 #import umbravox::watch::report_iteration_limit
-#import umbravox::work::{count_work, add_work, LOOKUPS}
+#import umbravox::work::{count_work, add_divergence, add_work, LOOKUPS}
 #ifdef SHADOWS
-#import umbravox::quirks::STEPS_TOGETHER
+#import umbravox::tuning::STEPS_TOGETHER
 #ifdef MESH
 #import umbravox::mesh_light::light_at
 #else
@@ -38,14 +41,6 @@
 #endif
 
 #ifdef RESUMABLE
-// State of a picture that takes several dispatches, for software adapters that limit loops (src/gpu/quirks.rs).
-struct Resumption {
-    // Number of pixels that are not finished.
-    unfinished: atomic<u32>,
-    // Sample at which each pixel's ray resumes: -FAR before the first dispatch, FAR for finished pixels.
-    resume: array<f32>,
-}
-@group(2) @binding(2) var<storage, read_write> resumption: Resumption;
 const IS_RESUMABLE: bool = true;
 #else
 const IS_RESUMABLE: bool = false;
@@ -391,16 +386,19 @@ fn raycast(
 #endif
 #ifdef RESUMABLE
     let resume = resumption.resume[index];
-    if resume == FAR { return; }
-    if resume != -FAR {
+    if resume.x == FAR { return; }
+    if resume.x != -FAR {
         color = picture[index].rgb;
         left = picture[index].a;
-        march.k = resume;
+        march.k = resume.x;
     }
 #endif
     var interval = LightInterval(0u, 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
 #ifdef SHADOWS
     var known = KnownLight(-FAR, 1.0);
+#ifdef RESUMABLE
+    if resume.x != -FAR && resume.y != UNKNOWN_LIGHT { known = KnownLight(sample_depth(ray, march.k), resume.y); }
+#endif
 #endif
     var lookups = 0u;
     var interrupted = false;
@@ -434,16 +432,18 @@ fn raycast(
 #endif
         if over { break; }
     }
+    add_divergence(pixel.at, frame.size.x);
     add_work();
     if reached_iteration_limit(march) || (march.marching && left >= EYE_OVER && !interrupted) { report_iteration_limit(); }
 #ifdef RESUMABLE
     if interrupted {
         picture[index] = vec4<f32>(color, left);
-        resumption.resume[index] = march.k;
+        let here = known.t == sample_depth(ray, march.k);
+        resumption.resume[index] = vec2<f32>(march.k, select(UNKNOWN_LIGHT, known.light, here));
         atomicAdd(&resumption.unfinished, 1u);
         return;
     }
-    resumption.resume[index] = FAR;
+    resumption.resume[index] = vec2<f32>(FAR, UNKNOWN_LIGHT);
 #endif
     picture[index] = vec4<f32>(color + left * frame.background, 1.0 - left);
 }

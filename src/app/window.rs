@@ -122,7 +122,7 @@ fn open(
     let to_resume = Arc::clone(&resume);
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
         let state = context.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
-        let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone());
+        let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone())?;
         let surface = Surface::of(&gpu);
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
         if let Some(resume) = lock(&to_resume).take() {

@@ -1,9 +1,10 @@
 //! Inputs for building a shadow map: a volume, its transfer function and a light on a graphics device.
 
-use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
+use super::shader::shape_of;
+use super::{DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View};
 use crate::error::{Error, Result};
-use crate::gpu::quirks::MAX_LIGHT_SAMPLES;
-use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Slot, Span, uniform_buffer};
+use crate::gpu::tuning::MAX_LIGHT_SAMPLES;
+use crate::gpu::{Gpu, Group, Kernels, Read, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Light;
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
@@ -17,8 +18,8 @@ pub struct BuildContext<'a> {
     /// Choice of the number of shadow-map tiles in each submission to the graphics device, which limits the duration
     /// of a submission.
     pub pace: &'a TilePace,
-    /// Sizes of the memory pool for curve nodes in earlier builds of deep shadow maps for this volume.
-    pub pool_sizes: &'a PoolSizes,
+    /// Memory pools for curve nodes of earlier builds of deep shadow maps for this volume, and their sizes.
+    pub node_pools: &'a NodePools,
     /// Volume that casts the shadows.
     pub volume: &'a Volume,
     /// Transfer function on the graphics device, with its lookup tables and the active bricks (blocks of cells with
@@ -30,6 +31,17 @@ pub struct BuildContext<'a> {
     pub light: Light,
     /// Camera view in which the shadow map is needed; `None`: at all points.
     pub view: Option<&'a View>,
+}
+
+/// List of shadow-map tiles (or blocks of nodes) on the device, over which a compute pass runs.
+#[derive(Clone, Copy)]
+pub struct TileList<'a> {
+    /// Entries of the list of tiles, one 32-bit word each.
+    pub entries: &'a wgpu::Buffer,
+    /// Number of tiles in the list.
+    pub count: u32,
+    /// Number of workgroups that process one tile of the list.
+    pub workgroups: u32,
 }
 
 impl BuildContext<'_> {
@@ -95,30 +107,38 @@ impl BuildContext<'_> {
         workgroups: [u32; 3],
     ) -> Result<Span> {
         let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
-        self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
+        Ok(self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups, &[])?.0)
     }
 
-    /// Runs a compute pass of a shadow-map build over a list, such as a list of tiles, with one workgroup per list
-    /// entry. The list is split into batches, one submission each. Binding 0 of bind group 2 is the batch's part of
-    /// the list; `stage` holds the other bindings of that group.
+    /// Runs a compute pass of a shadow-map build over a list, such as a list of tiles. The list is split into batches,
+    /// one submission each. Binding 0 of bind group 2 is the batch's part of the list; `stage` holds the other
+    /// bindings of that group. Returns the duration, and the words of `read` after the last batch.
     ///
     /// # Errors
     /// The device is out of memory or lost.
     pub fn run_over(
         &self,
-        (list, count): (&wgpu::Buffer, u32),
+        list: TileList<'_>,
         label: &'static str,
         variant: &ShaderVariant,
         shadow: &Group,
         stage: &[(u32, Slot<'_>)],
-    ) -> Result<Span> {
+        read: Option<Read<'_>>,
+    ) -> Result<(Span, Vec<u32>)> {
         let granule = TilePace::granule(&self.gpu().device.limits());
-        self.pace.run_batches(label, count, granule, |batch| {
+        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
+        let mut words = Vec::new();
+        let span = self.pace.run_batches(label, list.count, granule, |batch| {
             self.wait_until_idle();
-            let list = (0, Slot::read(batch.binding(list)));
+            let workgroups = shape_of(batch.count() * list.workgroups);
+            let list = (0, Slot::read(batch.binding(list.entries)));
             let stage = self.kernels.group(label, &[&[list][..], stage].concat());
-            self.run(label, variant, [shadow, &stage], batch.workgroups())
-        })
+            let groups = [self.transfer.group(), shadow, &stage];
+            let (span, reads) = self.kernels.run(label, &variant, &groups, workgroups, read.as_slice())?;
+            words = reads.into_iter().next().unwrap_or_default();
+            Ok(span)
+        })?;
+        Ok((span, words))
     }
 
     /// Runs a compute pass of a shadow-map build once per step, where each step reads what earlier steps stored.

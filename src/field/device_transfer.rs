@@ -147,7 +147,11 @@ impl Bindings {
             Slot::texture(&self.volume, values, solid),
             Slot::sampler(&self.sampler, filterable),
             Slot::texture(&self.distances, wgpu::TextureSampleType::Uint, solid),
-            Slot::uniform(&self.intervals),
+            if gpu.tuning.storage_tables {
+                Slot::read(self.intervals.as_entire_binding())
+            } else {
+                Slot::uniform(&self.intervals)
+            },
             Slot::floats(&self.integrals),
             Slot::words(pair_nodes),
             Slot::read_write(gpu.counters.binding()),

@@ -1,14 +1,13 @@
 //! Volume that is loaded onto the graphics device, and the coordinates in which shaders address its voxels (voxel
 //! index plus one).
 
-use super::{DeviceDirections, DeviceVolume};
+use super::{DeviceDirections, DeviceVolume, NodePools};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::strands::VoxelisedStrands;
 use crate::volume::Volume;
 use glam::{DAffine3, DVec3};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// Volume on the host, together with its data on the graphics device.
 pub struct LoadedVolume {
@@ -18,8 +17,8 @@ pub struct LoadedVolume {
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Voxels of the volume on the graphics device.
     pub on_device: DeviceVolume,
-    /// Sizes of the memory pool for curve nodes in earlier builds of deep shadow maps for this volume.
-    pub pool_sizes: PoolSizes,
+    /// Memory pools for curve nodes of earlier builds of deep shadow maps for this volume, and their sizes.
+    pub node_pools: NodePools,
     /// Directions of the strands (hair or fibres) in each voxel, on the device; uploaded once a picture needs them.
     directions: OnceLock<DeviceDirections>,
 }
@@ -31,8 +30,8 @@ impl LoadedVolume {
     /// The adapter cannot hold the volume.
     pub fn new(gpu: &Gpu, volume: Arc<Volume>) -> Result<Self> {
         let on_device = DeviceVolume::upload(gpu, &volume)?;
-        let (pool_sizes, directions) = (PoolSizes::default(), OnceLock::new());
-        Ok(Self { volume, strands: None, on_device, pool_sizes, directions })
+        let (node_pools, directions) = (NodePools::default(), OnceLock::new());
+        Ok(Self { volume, strands: None, on_device, node_pools, directions })
     }
 
     /// Adds the strands (hair or fibres) from which the volume was voxelised.
@@ -62,28 +61,4 @@ impl LoadedVolume {
 /// `c` along an axis lies between the voxels `c - 1` and `c`.
 pub fn grid_from_world(volume: &Volume) -> DAffine3 {
     DAffine3::from_translation(DVec3::ONE) * volume.index_from_world()
-}
-
-/// Sizes of the memory pool for curve nodes in the last builds of deep shadow maps, for each text of the method's
-/// settings. A size is relative to the size of the shadow map, so that it can be used for other map sizes.
-///
-/// A pool as large as in the previous build does not overflow while a light moves a little, and the build runs once.
-/// A size that is too large after an edit of the transfer function shrinks over the next builds.
-#[derive(Debug, Default)]
-pub struct PoolSizes(Mutex<HashMap<String, f64>>);
-
-impl PoolSizes {
-    /// Returns the size of the curve-node pool in the last builds of a deep shadow map with these settings, relative
-    /// to the map's size. `None` before the first build.
-    pub fn last(&self, settings: &str) -> Option<f64> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(settings).copied()
-    }
-
-    /// Records the size of the curve-node pool that a deep shadow map needed, relative to the map's size. A larger
-    /// earlier size shrinks slowly, so that a light that moves back and forth overflows the pool only once.
-    pub fn learn(&self, settings: String, used: f64) {
-        let mut sizes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let share = sizes.entry(settings).or_default();
-        *share = used.max(0.875 * *share);
-    }
 }

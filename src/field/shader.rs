@@ -4,7 +4,7 @@
 use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
 use super::march::{GAUSS, MOST_PIECES, March, PARTS_OF_SUM, ROOT_TOLERANCE, SHORT_PIECE, UNEVEN_DEPTH};
-use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
+use crate::gpu::{Constant, MAX_BLOCKS, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{
     MAX_INTERVALS, MAX_OPACITY, MORE_NODES, MOST_CLIP_PLANES, PAIR_BINS, TABLE_BINS, VALUE_BINS,
 };
@@ -29,6 +29,7 @@ pub const DEPTH_SINK: &str = "field/depth_sink.wgsl";
 const CONSTANTS: &[Constant] = &[
     Constant::unsigned("WORK_KINDS", WORK_KINDS),
     Constant::unsigned("WORK_WORDS", WORK_WORDS),
+    Constant::unsigned("MAX_BLOCKS", MAX_BLOCKS),
     Constant::float("GAUSS_OUTER", GAUSS[0][0] as f32),
     Constant::float("GAUSS_INNER", GAUSS[1][0] as f32),
     Constant::float("OUTER_WEIGHT", GAUSS[0][1] as f32),
@@ -64,7 +65,7 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
     let modules = [
         "field/watch.wgsl",
         "field/work.wgsl",
-        "field/quirks.wgsl",
+        "field/tuning.wgsl",
         "field/field.wgsl",
         "field/labels.wgsl",
         "field/transfer.wgsl",

@@ -4,9 +4,9 @@
 use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
 use super::strand_lines::line_words;
-use super::{BuildContext, LightSpace, MapShape, March, Optimization};
+use super::{BuildContext, LightSpace, MapShape, March, Optimization, TileList};
 use crate::error::{Error, Result};
-use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
+use crate::gpu::{Group, Read, ShaderVariant, Slot, Span, StorageBuffer, WorkOrder, table_texture};
 
 /// Shadow map during its build by compute passes over tiles (squares of texels). Tiles without bricks with extinction
 /// are skipped (Hadwiger et al. 2006, 3.4).
@@ -45,8 +45,8 @@ impl<'a> TileMarch<'a> {
         if context.transfer.disabled.has(Optimization::Tiles) {
             occupied.fill(true);
         }
-        let (entries, list) = layout(&occupied);
         let across = light_space.tiles_across();
+        let (entries, list) = layout(&occupied, across, gpu.tuning.order);
         let table =
             table_texture(gpu, "tile table", wgpu::TextureFormat::R32Uint, [across, across], &entries)?;
         let lines = (shape.march == March::Lines).then(|| {
@@ -98,7 +98,7 @@ impl<'a> TileMarch<'a> {
     }
 
     /// Runs a compute pass over all tiles of the shadow map that are built, in batches. `own` and `stage` are the
-    /// shadow method's bindings of bind groups 1 and 2.
+    /// shadow method's bindings of bind groups 1 and 2. Returns the duration, and the words of `read` after the pass.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -108,9 +108,11 @@ impl<'a> TileMarch<'a> {
         variant: &ShaderVariant,
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
-    ) -> Result<Span> {
+        read: Option<Read<'_>>,
+    ) -> Result<(Span, Vec<u32>)> {
         let stage = [stage, &self.march_slots()].concat();
-        self.context.run_over((&self.list, self.built), label, variant, &self.group(label, own), &stage)
+        let list = TileList { entries: &self.list, count: self.built, workgroups: self.workgroups_a_tile() };
+        self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
     }
 
     /// Runs a compute pass again over some of the built tiles of the shadow map. `places` are their positions in the
@@ -125,26 +127,31 @@ impl<'a> TileMarch<'a> {
         variant: &ShaderVariant,
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
-    ) -> Result<Span> {
+        read: Option<Read<'_>>,
+    ) -> Result<(Span, Vec<u32>)> {
         let tiles: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
         let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &tiles)?;
         let stage = [stage, &self.march_slots()].concat();
-        self.context.run_over((&list, tiles.len() as u32), label, variant, &self.group(label, own), &stage)
+        let count = tiles.len() as u32;
+        let list = TileList { entries: &list, count, workgroups: self.workgroups_a_tile() };
+        self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
+    }
+
+    fn workgroups_a_tile(&self) -> u32 {
+        TILE_TEXELS / self.context.gpu().tuning.workgroup_side.pow(2)
     }
 }
 
 /// Returns the tile table of a shadow map (storage index of each tile's first texel, or [`NO_TILE`]), and the list of
 /// tiles that are stored.
-fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
-    let mut list = Vec::new();
-    let entry = |(tile, occupied): (usize, &bool)| {
-        if !occupied {
-            return NO_TILE;
-        }
-        list.push(tile as u32);
-        (list.len() as u32 - 1) * TILE_TEXELS
-    };
-    let entries = occupied.iter().enumerate().map(entry).collect();
+fn layout(occupied: &[bool], across: u32, order: WorkOrder) -> (Vec<u32>, Vec<u32>) {
+    let tiles = order.positions([across; 2]).map(|[x, y]| y * across + x);
+    let list: Vec<u32> = tiles.filter(|tile| occupied[*tile as usize]).collect();
+    let mut entries = vec![NO_TILE; occupied.len()];
+    (0..)
+        .step_by(TILE_TEXELS as usize)
+        .zip(&list)
+        .for_each(|(record, tile)| entries[*tile as usize] = record);
     (entries, list)
 }
 
@@ -154,7 +161,10 @@ mod tests {
 
     #[test]
     fn skipped_tiles_have_no_records() {
-        assert_eq!(layout(&[true, false, true]), (vec![0, NO_TILE, 256], vec![0, 2]));
-        assert_eq!(layout(&[false]), (vec![NO_TILE], Vec::new()));
+        let occupied = [true, false, true, true];
+        for order in [WorkOrder::Spread, WorkOrder::Blocks] {
+            assert_eq!(layout(&occupied, 2, order), (vec![0, NO_TILE, 256, 512], vec![0, 2, 3]));
+            assert_eq!(layout(&[false], 1, order), (vec![NO_TILE], Vec::new()));
+        }
     }
 }

@@ -1,7 +1,6 @@
 //! Splits the build passes of a shadow map into batches, one submission to the device each, so that a submission
 //! takes about a given time.
 
-use super::shader::shape_of;
 use crate::error::Result;
 use crate::gpu::Span;
 use std::sync::{Mutex, PoisonError};
@@ -31,9 +30,9 @@ impl Batch {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// Returns the dispatch size of a batch, with one workgroup per list entry (shadow-map tile or build step).
-    pub fn workgroups(&self) -> [u32; 3] {
-        shape_of(self.count)
+    /// Returns the number of list entries (shadow-map tiles or build steps) in this batch.
+    pub fn count(&self) -> u32 {
+        self.count
     }
 }
 
@@ -61,7 +60,7 @@ impl TilePace {
 
     /// Whether the duration of submissions during a shadow-map build is limited. The device then has to be idle
     /// before each submission, so that its duration can be measured.
-    pub(super) fn is_limited(&self) -> bool {
+    pub fn is_limited(&self) -> bool {
         self.target_ms.is_finite()
     }
 

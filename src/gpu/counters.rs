@@ -15,9 +15,13 @@ pub struct DeviceCounters {
 /// Size of the counter of shader loops that reached their iteration limit, bytes.
 pub(super) const LOOP_COUNTER_BYTES: u64 = 4;
 /// Number of kinds of shader operations that are counted, such as volume samples and texture reads.
-pub const WORK_KINDS: u32 = 5;
+pub const WORK_KINDS: u32 = 6;
 /// Number of 32-bit words of the counters of shader operations: a low and a high word for each kind of operation.
 pub const WORK_WORDS: u32 = 2 * WORK_KINDS;
+/// Largest number of blocks of 8 x 4 threads whose longest ray marches are counted. Further blocks are left out.
+pub const MAX_BLOCKS: u32 = 1 << 17;
+/// Number of threads in a block, and so of lanes in a subgroup of a graphics card.
+const BLOCK_LANES: u64 = 32;
 
 /// Numbers of operations that shaders executed in compute passes, such as volume samples and texture reads, as
 /// counted by `shaders/field/work.wgsl`.
@@ -33,6 +37,22 @@ pub struct Work {
     pub cells: u64,
     /// Number of intervals on light rays whose optical depth shaders computed.
     pub pieces: u64,
+    /// Number of steps of ray marches, through one cell, one sample or empty bricks each, in the counted blocks of 8 x
+    /// 4 threads.
+    pub steps: u64,
+    /// Number of steps that the lanes of subgroups would take if each block of 8 x 4 threads took as many as its
+    /// longest ray: 32 times the sum of the longest rays.
+    pub lane_steps: u64,
+    /// Largest number of steps of a ray.
+    pub longest_ray: u64,
+}
+
+impl Work {
+    /// Returns the share of lane steps that are idle because another ray of the block takes longer; `None` if no steps
+    /// were counted. Real subgroups are idle more often, since their lanes also wait for each other in between.
+    pub fn divergence(&self) -> Option<f64> {
+        (self.lane_steps > 0).then(|| 1.0 - self.steps as f64 / self.lane_steps as f64)
+    }
 }
 
 impl DeviceCounters {
@@ -41,7 +61,7 @@ impl DeviceCounters {
         Self {
             buffer: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("counters of loops and work"),
-                size: LOOP_COUNTER_BYTES + 4 * u64::from(WORK_WORDS),
+                size: LOOP_COUNTER_BYTES + 4 * u64::from(WORK_WORDS + MAX_BLOCKS),
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),
@@ -66,11 +86,14 @@ impl DeviceCounters {
     /// Decodes the numbers of operations that shaders executed from the words of the counter buffer, and resets these
     /// counters to 0.
     pub(super) fn take_work(&self, queue: &wgpu::Queue, counters: &[u32]) -> Work {
-        queue.write_buffer(&self.buffer, LOOP_COUNTER_BYTES, &[0; 4 * WORK_WORDS as usize]);
-        let sums = &counters[(LOOP_COUNTER_BYTES / 4) as usize..];
+        let zeros = vec![0; 4 * (WORK_WORDS + MAX_BLOCKS) as usize];
+        queue.write_buffer(&self.buffer, LOOP_COUNTER_BYTES, &zeros);
+        let (sums, longest) = counters[(LOOP_COUNTER_BYTES / 4) as usize..].split_at(WORK_WORDS as usize);
         let sum = |kind: usize| u64::from(sums[2 * kind]) | u64::from(sums[2 * kind + 1]) << 32;
-        let [samples, lookups, loads, cells, pieces] = std::array::from_fn(sum);
-        Work { samples, lookups, loads, cells, pieces }
+        let [samples, lookups, loads, cells, pieces, steps] = std::array::from_fn(sum);
+        let lane_steps = BLOCK_LANES * longest.iter().map(|steps| u64::from(*steps)).sum::<u64>();
+        let longest_ray = longest.iter().max().map_or(0, |steps| u64::from(*steps));
+        Work { samples, lookups, loads, cells, pieces, steps, lane_steps, longest_ray }
     }
 
     /// Returns an error if shader loops of a compute pass reached their iteration limit, and resets the counter of

@@ -1,7 +1,9 @@
 //! Chooses a graphics adapter, and opens its device with the highest limits that the adapter supports.
 
+use super::clock_rate::ClockRate;
 use super::counters::DeviceCounters;
 use super::sharing::{Sharing, Uncaptured};
+use super::tuning::Tuning;
 use crate::error::{Error, Result};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
@@ -16,10 +18,14 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// Name, backend and driver of the graphics adapter.
     pub info: wgpu::AdapterInfo,
+    /// Choices of shader variants and of work order that suit the type of the adapter.
+    pub tuning: Tuning,
     /// Whether the adapter can filter textures of 32-bit floats.
     pub filters_float32: bool,
     /// Nanoseconds per tick of the device timestamps; `None` for a software adapter or one without timestamps.
     pub timestamp_period_ns: Option<f32>,
+    /// Source of the card's clock rate; `None` where the system reports none.
+    pub clock_rate: Option<ClockRate>,
     /// Counters that shaders write: loops that reach their iteration limit, and executed operations.
     pub counters: DeviceCounters,
     /// State that threads share: device errors that wgpu reports outside of calls (validation, out of memory), and
@@ -54,7 +60,7 @@ impl Gpu {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&Self::device_descriptor(&adapter)))
             .map_err(|e| Error::runtime("cannot open the graphics device", &info.name, e))?;
-        Ok(Self::from_parts(&adapter, device, queue))
+        Self::from_parts(&adapter, device, queue)
     }
 
     /// Returns the descriptor with which the graphics device is opened: the adapter's highest limits, and the
@@ -73,8 +79,12 @@ impl Gpu {
 
     /// Creates the graphics device from an open wgpu device, such as that of a window. It must have been opened with
     /// [`Self::device_descriptor`].
-    pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+    ///
+    /// # Errors
+    /// The environment variable `UMBRAVOX_TUNING` has an unknown value ([`Tuning`]).
+    pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
         let info = adapter.get_info();
+        let tuning = Tuning::of(&info)?;
         let features = device.features();
         let sharing = Sharing::default();
         let sink = sharing.clone();
@@ -95,16 +105,30 @@ impl Gpu {
             // ms). Its work runs on the host, and so the wall clock is right.
             .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
         tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
-        Self {
+        Ok(Self {
             counters: DeviceCounters::new(&device),
+            clock_rate: ClockRate::of(&info),
             device,
             queue,
             info,
+            tuning,
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             sharing,
             lost,
-        }
+        })
+    }
+
+    /// Whether the graphics adapter is a software adapter, which runs on the processor.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Returns the texture side to allocate for `side` texels ([`Tuning::odd_textures`]).
+    pub fn texture_side(&self, side: u32) -> u32 {
+        let padded = if side.is_power_of_two() { (side + 1).max(3) } else { side };
+        let fits = padded <= self.device.limits().max_texture_dimension_2d;
+        if fits && self.tuning.odd_textures { padded } else { side }
     }
 
     /// Returns a handle that tells later whether and why the graphics device was lost.

@@ -1,7 +1,8 @@
 //! Compute pipelines of one graphics device: compiles each at first use, runs it and measures its time.
 
-use super::quirks::SOFTWARE_ADAPTER;
-use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
+use super::{
+    Gpu, Group, PassTimer, PipelineStore, Read, ShaderVariant, Slot, Span, Tuning, Work, compose, read_back,
+};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,9 +16,8 @@ pub struct Kernels {
     gpu: Gpu,
     timer: PassTimer,
     store: Option<PipelineStore>,
-    /// Whether shaders read uniforms of bind groups 1 and 2 as storage buffers, which avoids recompilation on
-    /// software adapters.
-    live: bool,
+    /// Choices of shader variants that suit the type of the adapter and the use of the device.
+    tuning: Tuning,
     /// Whether shaders count the operations that they execute, such as volume samples and texture reads.
     counting: AtomicBool,
     pipelines: Mutex<HashMap<PipelineKey, Arc<wgpu::ComputePipeline>>>,
@@ -31,8 +31,8 @@ impl Kernels {
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
-        let live = live && gpu.is_software();
-        Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
+        let tuning = Tuning { storage_uniforms: live && gpu.is_software(), ..gpu.tuning };
+        Self { gpu, timer, store, tuning, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
     /// Returns the graphics device for which the compute pipelines are compiled.
@@ -42,7 +42,11 @@ impl Kernels {
 
     /// Creates the binding of a `var<uniform>` buffer in bind group 1 or 2.
     pub fn uniform<'a>(&self, uniform: &'a wgpu::Buffer) -> Slot<'a> {
-        if self.live { Slot::read(uniform.as_entire_binding()) } else { Slot::uniform(uniform) }
+        if self.tuning.storage_uniforms {
+            Slot::read(uniform.as_entire_binding())
+        } else {
+            Slot::uniform(uniform)
+        }
     }
 
     /// Creates a bind group of shader resources, each with its `@binding` number.
@@ -59,9 +63,6 @@ impl Kernels {
         if !self.gpu.filters_float32 {
             variant.defs.push("MANUAL_TRILINEAR");
         }
-        if self.gpu.is_software() {
-            variant.defs.push(SOFTWARE_ADAPTER);
-        }
         if self.counting.load(Ordering::Relaxed) {
             variant.defs.push("COUNT_WORK");
         }
@@ -72,11 +73,8 @@ impl Kernels {
         if let Some(found) = self.pipelines.lock().map_err(|_| poisoned())?.get(&key) {
             return Ok(Arc::clone(found));
         }
-        let module = compose(&key.0, self.live)?;
-        let module = self.gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
-        });
+        let module = compose(&key.0, &self.tuning)?;
+        let module = self.shader_module(label, module);
         let layouts: Vec<_> = groups.iter().map(|g| Some(&g.layout)).collect();
         let layout = self.gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
@@ -94,6 +92,18 @@ impl Kernels {
         self.gpu.take_error()?;
         self.pipelines.lock().map_err(|_| poisoned())?.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    fn shader_module(&self, label: Option<&str>, module: wgpu::naga::Module) -> wgpu::ShaderModule {
+        let source = wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module));
+        let descriptor = wgpu::ShaderModuleDescriptor { label, source };
+        if self.tuning.bounded_loops {
+            return self.gpu.device.create_shader_module(descriptor);
+        }
+        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
+        // SAFETY: Only the limit on loop iterations is switched off, and every loop of these shaders has a limit of
+        // its own. Accesses to buffers and textures stay checked.
+        unsafe { self.gpu.device.create_shader_module_trusted(descriptor, checks) }
     }
 
     /// Runs compute passes with shaders that count their operations, such as volume samples and texture reads, and
@@ -116,7 +126,7 @@ impl Kernels {
     }
 
     /// Runs a compute pipeline with `size` workgroups, and waits until it is done. It runs nothing if a component of
-    /// `size` is 0.
+    /// `size` is 0. Returns the duration, and the words that `reads` requests.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -126,12 +136,13 @@ impl Kernels {
         variant: &ShaderVariant,
         groups: &[&Group],
         size: [u32; 3],
-    ) -> Result<Span> {
-        self.run_all(label, &[(variant, size)], groups)
+        reads: &[Read<'_>],
+    ) -> Result<(Span, Vec<Vec<u32>>)> {
+        self.run_all(label, &[(variant, size)], groups, reads)
     }
 
     /// Runs compute pipelines one after another with the same bind groups in one submission, and waits until they are
-    /// done.
+    /// done. Returns the duration, and the words that `reads` requests.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -140,13 +151,15 @@ impl Kernels {
         label: &str,
         passes: &[(&ShaderVariant, [u32; 3])],
         groups: &[&Group],
-    ) -> Result<Span> {
+        reads: &[Read<'_>],
+    ) -> Result<(Span, Vec<Vec<u32>>)> {
         let useful = passes.iter().filter(|(_, size)| size.iter().all(|n| *n > 0));
         let pipelines = useful.map(|(variant, size)| Ok((self.pipeline(variant, groups)?, *size)));
         let pipelines = pipelines.collect::<Result<Vec<_>>>()?;
-        self.timer.compute(&self.gpu, label, |pass| {
+        let record_all = |pass: &mut wgpu::ComputePass<'_>| {
             pipelines.iter().for_each(|(pipeline, size)| record(pass, pipeline, groups, *size));
-        })
+        };
+        self.timer.compute(&self.gpu, label, record_all, reads)
     }
 
     /// Runs a compute pipeline once per step in one submission, and waits until all steps are done. Each step has its
@@ -164,9 +177,10 @@ impl Kernels {
         let all = |last| groups.iter().copied().chain([last]).collect::<Vec<&Group>>();
         let Some((first, _)) = steps.first() else { return Ok(Span::default()) };
         let pipeline = self.pipeline(variant, &all(first))?;
-        self.timer.compute(&self.gpu, label, |pass| {
+        let record_all = |pass: &mut wgpu::ComputePass<'_>| {
             steps.iter().for_each(|(last, size)| record(pass, &pipeline, &all(last), *size));
-        })
+        };
+        Ok(self.timer.compute(&self.gpu, label, record_all, &[])?.0)
     }
 
     /// Submits a compute pipeline to the device, without waiting for it.

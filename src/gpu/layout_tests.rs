@@ -1,11 +1,11 @@
 //! Memory layouts of WGSL structs, for tests that compare them with the Rust structs.
 
-use super::{ShaderVariant, compose};
+use super::{ShaderVariant, Tuning, compose};
 use wgpu::naga;
 
 /// Returns the size of a WGSL struct, and the names and offsets of its members without padding.
 pub fn wgsl_layout(variant: &ShaderVariant, name: &str) -> (usize, Vec<(String, usize)>) {
-    let module = compose(variant, false).unwrap();
+    let module = compose(variant, &Tuning::SOFTWARE).unwrap();
     let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {
         // Composed modules mangle the names of what they import.
         (Some(n), naga::TypeInner::Struct { members, span })

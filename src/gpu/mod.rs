@@ -2,21 +2,23 @@
 
 mod bindings;
 mod buffers;
+mod clock_rate;
 mod counters;
 mod device;
 mod kernels;
 #[cfg(test)]
 mod layout_tests;
 mod pipeline_cache;
-pub mod quirks;
 mod shaders;
 mod sharing;
 mod textures;
 mod timing;
+pub mod tuning;
 
 pub use bindings::{Group, Slot};
 pub use buffers::{StorageBuffer, read_back, uniform_buffer};
-pub use counters::{DeviceCounters, WORK_KINDS, WORK_WORDS, Work};
+pub use clock_rate::ClockRate;
+pub use counters::{DeviceCounters, MAX_BLOCKS, WORK_KINDS, WORK_WORDS, Work};
 pub use device::{DeviceLoss, Gpu, texture_side};
 pub use kernels::Kernels;
 #[cfg(test)]
@@ -28,4 +30,5 @@ pub use textures::{
     VolumeTexture, clamp_sampler, copy_rows, solid_texture, store_texture, table_texture, texture,
     write_texels,
 };
-pub use timing::{Clock, PassTimer, Span};
+pub use timing::{Clock, PassTimer, Read, Span};
+pub use tuning::{Tuning, WorkOrder};

@@ -1,5 +1,6 @@
 //! Shader variants: the WGSL modules of a compute pipeline, composed by naga_oil.
 
+use super::Tuning;
 use crate::error::{Error, Result};
 use include_dir::{Dir, include_dir};
 use naga_oil::compose::{
@@ -92,14 +93,15 @@ impl ShaderVariant {
     }
 
     /// Returns the source of a WGSL file, with the values of its constants inserted.
-    fn source(&self, path: &str) -> Result<String> {
+    fn source(&self, path: &str, tuning: &Tuning) -> Result<String> {
         let fail = |why: String| Error::runtime("cannot compose shader", path, why);
         let file = SHADERS.get_file(path).and_then(|f| f.contents_utf8());
         let mut parts = file.ok_or_else(|| fail("no such file".into()))?.split("#{");
         let mut text = parts.next().unwrap_or_default().to_owned();
+        let constants = tuning.constants().map(|(name, value)| Constant::unsigned(name, value));
         for part in parts {
             let (name, rest) = part.split_once('}').ok_or_else(|| fail("`#{` without `}`".into()))?;
-            let value = self.constants.iter().find(|c| c.name == name);
+            let value = self.constants.iter().chain(&constants).find(|c| c.name == name);
             text += &value.ok_or_else(|| fail(format!("no constant {name} is given")))?.text();
             text += rest;
         }
@@ -120,21 +122,26 @@ pub fn shader_paths() -> Vec<&'static str> {
     paths
 }
 
-/// Composes the WGSL files of a shader variant to one naga module. With `live`, uniforms of bind groups 1 and 2 are
-/// read as storage buffers (see [`Kernels::new`](super::Kernels::new)).
+/// Binding, in bind group 0, of the table of transfer-function intervals.
+const TABLE_BINDING: u32 = 4;
+
+/// Composes the WGSL files of a shader variant to one naga module, with the choices that suit an adapter.
 ///
 /// # Errors
 /// The shader cannot be composed, which is a fault of this program. The error has naga's message.
-pub fn compose(variant: &ShaderVariant, live: bool) -> Result<naga::Module> {
+pub fn compose(variant: &ShaderVariant, tuning: &Tuning) -> Result<naga::Module> {
     let fail = |file: &str, why: String| Error::runtime("cannot compose shader", file, why);
-    let defs = || variant.defs.iter().map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect();
+    let defs = || {
+        let all = variant.defs.iter().copied().chain(tuning.defs());
+        all.map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect()
+    };
     // Half floats packed in words are a part of WebGPU; only old OpenGL adapters lack them.
     let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let mut composer = Composer::default().with_capabilities(capabilities);
     for path in &variant.modules {
         composer
             .add_composable_module(ComposableModuleDescriptor {
-                source: &variant.source(path)?,
+                source: &variant.source(path, tuning)?,
                 file_path: path,
                 language: ShaderLanguage::Wgsl,
                 shader_defs: defs(),
@@ -145,19 +152,20 @@ pub fn compose(variant: &ShaderVariant, live: bool) -> Result<naga::Module> {
     }
     let mut module = composer
         .make_naga_module(NagaModuleDescriptor {
-            source: &variant.source(variant.entry)?,
+            source: &variant.source(variant.entry, tuning)?,
             file_path: variant.entry,
             shader_type: ShaderType::Wgsl,
             shader_defs: defs(),
             ..Default::default()
         })
         .map_err(|e| fail(variant.entry, e.emit_to_string(&composer)))?;
-    if live {
-        for (_, global) in module.global_variables.iter_mut() {
-            let moves = global.binding.is_some_and(|b| b.group > 0);
-            if moves && global.space == naga::AddressSpace::Uniform {
-                global.space = naga::AddressSpace::Storage { access: naga::StorageAccess::LOAD };
-            }
+    for (_, global) in module.global_variables.iter_mut() {
+        let moves = global.binding.is_some_and(|b| match b.group {
+            0 => tuning.storage_tables && b.binding == TABLE_BINDING,
+            _ => tuning.storage_uniforms,
+        });
+        if moves && global.space == naga::AddressSpace::Uniform {
+            global.space = naga::AddressSpace::Storage { access: naga::StorageAccess::LOAD };
         }
     }
     Ok(module)

@@ -49,6 +49,15 @@ impl Span {
     }
 }
 
+/// First words of a device buffer that the host reads after a pass, without a submission of their own.
+#[derive(Debug, Clone, Copy)]
+pub struct Read<'a> {
+    /// Buffer on the device.
+    pub buffer: &'a wgpu::Buffer,
+    /// Number of 32-bit words to read.
+    pub words: usize,
+}
+
 /// Timer of compute passes on the device, one submission at a time.
 pub struct PassTimer {
     /// Query set for the start and end timestamps of a compute pass, and the buffer into which the device writes
@@ -78,9 +87,10 @@ impl PassTimer {
         Self { queries }
     }
 
-    /// Records one compute pass with `record`, submits it, waits for it and returns its duration.
+    /// Records one compute pass with `record`, submits it, waits for it, and returns its duration and the first words
+    /// of the buffers in `reads`.
     ///
-    /// The measured submission also copies its timestamps, so that reading them needs no second wait.
+    /// The measured submission also copies its timestamps and these words, so that reading them needs no second wait.
     ///
     /// # Errors
     /// The device is lost, or a loop reached its iteration limit (see [`DeviceCounters`](super::DeviceCounters)).
@@ -89,7 +99,8 @@ impl PassTimer {
         gpu: &Gpu,
         label: &str,
         record: impl FnOnce(&mut wgpu::ComputePass<'_>),
-    ) -> Result<Span> {
+        reads: &[Read<'_>],
+    ) -> Result<(Span, Vec<Vec<u32>>)> {
         let queries = self.queries.as_ref().map(|q| q.lock().unwrap_or_else(PoisonError::into_inner));
         let mut encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
@@ -103,14 +114,20 @@ impl PassTimer {
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
             record(&mut pass);
         }
-        let staging = staging_buffer(gpu, REPORT_BYTES);
+        let bytes = REPORT_BYTES + 4 * reads.iter().map(|read| read.words as u64).sum::<u64>();
+        let staging = staging_buffer(gpu, bytes);
         if let Some(q) = queries.as_ref() {
             encoder.resolve_query_set(&q.0, 0..2, &q.1, 0);
             encoder.copy_buffer_to_buffer(&q.1, 0, &staging, 0, TICKS_BYTES);
         }
         gpu.counters.copy_to(&mut encoder, &staging, TICKS_BYTES);
+        let mut end = REPORT_BYTES;
+        for read in reads {
+            encoder.copy_buffer_to_buffer(read.buffer, 0, &staging, end, 4 * read.words as u64);
+            end += 4 * read.words as u64;
+        }
         let (start, submission) = gpu.submit_timed([encoder.finish()]);
-        let report = read_staging::<u32>(gpu, &staging, submission, REPORT_BYTES)?;
+        let report = read_staging::<u32>(gpu, &staging, submission, bytes)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         gpu.counters.check(&gpu.queue, &gpu.info.name, label, report[4])?;
         let tick = |i: usize| u64::from(report[2 * i]) | u64::from(report[2 * i + 1]) << 32;
@@ -119,6 +136,8 @@ impl PassTimer {
             // Some drivers leave the query unwritten; a span longer than the wait is no measurement.
             (ms > 0.0 && ms <= wall_ms * 1.5 + 1.0).then_some(ms)
         });
-        Ok(Span { gpu_ms, wall_ms })
+        let mut words = report[(REPORT_BYTES / 4) as usize..].iter().copied();
+        let reads = reads.iter().map(|read| words.by_ref().take(read.words).collect()).collect();
+        Ok((Span { gpu_ms, wall_ms }, reads))
     }
 }

@@ -120,7 +120,8 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
         .iter()
         .map(|variant| Turns { run: Box::new(|| Ok(run(job, method, *variant)?.times)), warmup: 0, rounds })
         .collect();
-    let mut timings = interleave(&mut turns, &mut |_| Ok(()))?.into_iter().map(|t| Timing::of(&t?));
+    let timings = interleave(&mut turns, &|| job.gpu_mhz(), &mut |_| Ok(()))?;
+    let mut timings = timings.into_iter().map(|t| Timing::of(&t?));
     let none = || Err(Error::runtime("cannot time", name_of(method), "no run was counted"));
     let own = timings.next().unwrap_or_else(none)?;
     let rows = omissions.iter().zip(first).zip(timings).map(|(((optional, omission), first), forced)| {
@@ -174,6 +175,8 @@ fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<
             build_wall_ms,
             frame: picture.span,
             frame_host_ms: picture.host_ms,
+            gpu_mhz: None,
+            unsteady: false,
         },
         bytes: report.bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
         picture,

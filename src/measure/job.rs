@@ -108,7 +108,21 @@ impl<'a> Job<'a> {
         let (frame, frame_host_ms) = (picture.span, picture.host_ms);
         let report = BuildReport::of_all(&shadows);
         let (build_host_ms, build_device) = (report.host_ms, report.device);
-        Ok(StageTimes { tables_ms: None, build_host_ms, build_device, build_wall_ms, frame, frame_host_ms })
+        Ok(StageTimes {
+            tables_ms: None,
+            build_host_ms,
+            build_device,
+            build_wall_ms,
+            frame,
+            frame_host_ms,
+            gpu_mhz: None,
+            unsteady: false,
+        })
+    }
+
+    /// Reads the clock rate of the graphics card, MHz; `None` where the system reports none.
+    pub fn gpu_mhz(&self) -> Option<f64> {
+        self.session.renderer.gpu().clock_rate.as_ref()?.read_mhz()
     }
 }
 

@@ -321,6 +321,8 @@ mod tests {
             build_wall_ms: 0.1 + ms,
             frame: span,
             frame_host_ms: 0.1 * ms,
+            gpu_mhz: Some(1000.0 * ms),
+            unsteady: false,
         }
     }
 

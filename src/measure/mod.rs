@@ -26,6 +26,7 @@ pub mod bound_check;
 pub mod budget;
 mod cell;
 pub mod check;
+mod columns;
 pub mod compare;
 pub mod comparison;
 pub mod cylinders;

@@ -221,6 +221,8 @@ impl<'a> Reference<'a> {
         let exact = &self.exact_picture;
         let kernels = renderer.kernels();
         let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadows, &exact.scene))?;
+        let (_, full_work) = kernels.counting_work(|| job.session.render(&shadows, job.scene))?;
+        row.set_frame_divergence(full_work);
         let (_, build_work) = kernels.counting_work(|| job.session.shadows_of(method, job.scene))?;
         let pixels = u64::from(exact.scene.width) * u64::from(exact.scene.height);
         row.set_work((build_work, report.texels_built()), (picture_work, pixels));

@@ -80,7 +80,7 @@ pub fn time(
         turns.push(Turns { run: Box::new(run), warmup: *warmup, rounds: *rounds });
     }
     let keys: Vec<_> = missing.iter().map(|(i, _, _)| rows[*i].key.clone()).collect();
-    let read = interleave(&mut turns, &mut |event| match event {
+    let read = interleave(&mut turns, &|| job.gpu_mhz(), &mut |event| match event {
         Event::Starts { turns, counts } => {
             let name = name_of(methods[turns]);
             let what = if counts { "timing" } else { "warming up" };
@@ -109,7 +109,13 @@ pub fn time(
     }
     for timed in rows.iter_mut().filter(|r| !r.compared.row.has_failed()) {
         let times: Vec<_> = timed.rounds.iter().map(|(_, times)| *times).collect();
-        timed.compared.row.set_timing(&Timing::of(&times)?);
+        let timing = Timing::of(&times)?;
+        timed.compared.row.set_timing(&timing);
+        if timing.unsteady > 0 {
+            let note =
+                format!("{} of {} timed runs were not steady within 5 %", timing.unsteady, timing.repeats);
+            timed.compared.row.add_note(&note);
+        }
         let mut runs: Vec<_> = timed.rounds.iter().map(|(run, _)| run).collect();
         runs.dedup();
         if runs.len() > 1 {

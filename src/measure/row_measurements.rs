@@ -20,6 +20,7 @@ impl Row {
         [self.build_host_ms, self.frame_host_ms] = [timing.build_host_ms, timing.frame_host_ms].map(Some);
         [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
         [self.build_wall_ms, self.frame_wall_ms] = [timing.build_wall_ms, timing.frame_wall_ms].map(Some);
+        self.gpu_mhz = timing.gpu_mhz;
         self.repeats = u32::try_from(timing.repeats).ok();
         self.fps_static = Some(1000.0 / frame.median);
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
@@ -60,6 +61,14 @@ impl Row {
         self.work_loads = each(picture.loads, pixels);
         self.work_cells = each(build.cells + build.samples, texels);
         self.work_pieces = each(build.pieces, texels);
+        self.work_divergence_build = build.divergence();
+        self.work_longest_build = build.divergence().map(|_| build.longest_ray);
+    }
+
+    /// Sets the comparison table columns of the divergence of eye rays, from counts of a picture of the full size.
+    pub fn set_frame_divergence(&mut self, picture: Work) {
+        self.work_divergence_frame = picture.divergence();
+        self.work_longest_frame = picture.divergence().map(|_| picture.longest_ray);
     }
 
     /// Sets the comparison table columns `check_*`, the differences in transmittance between marching light rays by

@@ -2,6 +2,7 @@
 
 pub use super::cell::Cell;
 use super::cell::FromText;
+use super::columns::columns;
 use super::defaults::setting_columns;
 use crate::gpu::Clock;
 use serde::ser::{Serialize, SerializeMap, Serializer};
@@ -18,56 +19,6 @@ pub struct Column {
     pub unit: &'static str,
     /// One-line description of the comparison table column.
     pub about: String,
-}
-
-/// Declares the fields of a comparison table row together with the table's columns, their order, units and
-/// descriptions.
-macro_rules! columns {
-    ($($(#[doc = $about:literal])+ $name:ident [$unit:literal]: $t:ty,)*) => {
-        /// Row of the comparison table: measurements of one shadow method with one setting. The fields are the first
-        /// columns, in order.
-        #[derive(Debug, Clone, PartialEq, Default)]
-        pub struct Row {
-            $($(#[doc = $about])+ pub $name: $t,)*
-            /// Settings of the shadow method: pairs of name and value. Each setting has its own column at the end of
-            /// the comparison table.
-            pub settings: Vec<(&'static str, Cell)>,
-        }
-
-        /// All columns of the comparison table, in order: the fields of [`Row`], then one column for each setting of
-        /// any method.
-        pub static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
-            let fields = [$((stringify!($name), $unit, concat!($($about),+).trim().to_owned())),*];
-            let settings = setting_columns().into_iter().map(|(name, about)| (name, "", about));
-            fields.into_iter().chain(settings).map(|(name, unit, about)| Column { name, unit, about }).collect()
-        });
-
-        impl Row {
-            /// Returns the cells of a comparison table row, one for each column of [`COLUMNS`].
-            pub fn cells(&self) -> Vec<Cell> {
-                let mut cells = vec![$(self.$name.clone().into()),*];
-                cells.extend(COLUMNS[cells.len()..].iter().map(|c| self.setting(c.name)));
-                cells
-            }
-
-            /// Parses a comparison table row from cell texts, given by column name. A missing column gets its default
-            /// value.
-            ///
-            /// # Errors
-            /// Returns the name of the first column whose text is not a valid value.
-            pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
-                let given = |key: &str| texts.get(key).filter(|text| !text.is_empty());
-                let setting = |(key, _)| Some((key, Cell::from_text(given(key)?)?));
-                Ok(Self {
-                    $($name: match texts.get(stringify!($name)) {
-                        Some(text) => FromText::from_text(text).ok_or(stringify!($name))?,
-                        None => Default::default(),
-                    },)*
-                    settings: setting_columns().into_iter().filter_map(setting).collect(),
-                })
-            }
-        }
-    };
 }
 
 columns! {
@@ -101,6 +52,9 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Clock of `build_ms` and `frame_ms`: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
+    /// Clock rate of the graphics card after the timed runs, median, as the system reports it. Empty for software
+    /// adapters, and where the system reports none.
+    gpu_mhz ["MHz"]: Option<f64>,
     /// Time of the first build of the shadow map, by the host's clock, with the compilation of new shaders.
     build_first_ms ["ms"]: Option<f64>,
     /// Part of `build_ms` outside the GPU passes: fitting the map, listing its tiles, buffers and read-backs.
@@ -205,6 +159,16 @@ columns! {
     /// GPU work to build a shadow map: number of intervals of light rays whose optical depth was integrated, per
     /// texel of the map's built tiles.
     work_pieces [""]: Option<f64>,
+    /// Divergence of the march that builds a shadow map: share of steps for which a lane of a subgroup would be idle,
+    /// if each block of 8 x 4 texels took as many steps as its longest light ray. Empty without a map.
+    work_divergence_build [""]: Option<f64>,
+    /// Largest number of steps of a light ray in the march that builds a shadow map.
+    work_longest_build [""]: Option<u64>,
+    /// Divergence of the march along eye rays: share of steps for which a lane of a subgroup would be idle, if each
+    /// block of 8 x 4 pixels took as many steps as its longest eye ray.
+    work_divergence_frame [""]: Option<f64>,
+    /// Largest number of steps of an eye ray in the picture.
+    work_longest_frame [""]: Option<u64>,
     /// Number of light rays along which the shadow method's transmittance was tested.
     rays_tested [""]: Option<u64>,
     /// Number of depths on light rays at which the shadow method's transmittance was tested, including depths of
@@ -354,6 +318,8 @@ pub(crate) mod tests {
                 build_wall_ms: build,
                 frame_gpu_ms: None,
                 frame_wall_ms: frame,
+                gpu_mhz: None,
+                unsteady: 0,
                 repeats: 5,
             };
             row.set_timing(&timing);

@@ -40,6 +40,12 @@ pub struct StageTimes {
     /// Part of `frame` that the host takes to project bricks to tiles of the picture, ms.
     #[serde(default)]
     pub frame_host_ms: f64,
+    /// Clock rate of the graphics card after the run, MHz; `None` where the system reports none.
+    #[serde(default)]
+    pub gpu_mhz: Option<f64>,
+    /// Whether the device times of repeated runs did not agree before this run was recorded ([`interleave`]).
+    #[serde(default)]
+    pub unsteady: bool,
 }
 
 impl StageTimes {
@@ -48,6 +54,12 @@ impl StageTimes {
     fn build_ms(&self, clock: Clock) -> Option<f64> {
         let device_ms = self.build_device.map_or(Some(0.0), |span| read(clock, span))?;
         Some(self.build_host_ms + device_ms)
+    }
+
+    /// Returns the time on the device for shadow map and picture, ms; `None` for adapters without timestamps.
+    fn device_ms(&self) -> Option<f64> {
+        let build_ms = self.build_device.map_or(Some(0.0), |span| span.gpu_ms)?;
+        Some(build_ms + (self.frame.gpu_ms? - self.frame_host_ms).max(0.0))
     }
 }
 
@@ -74,6 +86,10 @@ pub struct Timing {
     pub frame_gpu_ms: Option<f64>,
     /// Median time to render one picture by the host's clock, ms.
     pub frame_wall_ms: f64,
+    /// Median clock rate of the graphics card after the runs, MHz; `None` where the system reports none.
+    pub gpu_mhz: Option<f64>,
+    /// Number of timed runs whose device times did not agree with those of the run before.
+    pub unsteady: usize,
     /// Number of timed runs of the shadow method, over which the medians are taken.
     pub repeats: usize,
 }
@@ -105,6 +121,8 @@ impl Timing {
             build_wall_ms: median(&|t| Some(t.build_wall_ms)).ok_or_else(none)?,
             frame_gpu_ms: median(&|t| t.frame.gpu_ms),
             frame_wall_ms: median(&|t| Some(t.frame.wall_ms)).ok_or_else(none)?,
+            gpu_mhz: median(&|t| t.gpu_mhz),
+            unsteady: times.iter().filter(|t| t.unsteady).count(),
             repeats: times.len(),
         })
     }
@@ -139,14 +157,38 @@ pub enum Event<'a> {
     Round(&'a [(usize, StageTimes)]),
 }
 
+/// Largest number of times that a timed run is repeated until its device times agree.
+const MOST_REPEATS: usize = 20;
+/// Largest relative difference of the device times of two runs that agree.
+const AGREEMENT: f64 = 0.05;
+
+/// Repeats a run until the times on the device of two runs in a row agree, and returns the last run. Graphics cards
+/// lower their clocks while the host works: the first run after a pause takes up to four times as long. Adapters
+/// without timestamps run once.
+fn steady(run: &mut TimedRun<'_>) -> Result<StageTimes> {
+    let mut last = run().and_then(sensible)?;
+    for _ in 0..MOST_REPEATS {
+        let Some(before) = last.device_ms() else { return Ok(last) };
+        last = run().and_then(sensible)?;
+        let now = last.device_ms().unwrap_or(before);
+        if (now - before).abs() <= AGREEMENT * now.max(before) {
+            return Ok(last);
+        }
+    }
+    Ok(StageTimes { unsteady: true, ..last })
+}
+
 /// Times several tasks, such as shadow methods, in turn, after a warm-up. Returns the times of all runs of each task,
-/// in order. A task that fails is excluded from later rounds, and the others continue.
+/// in order. A task that fails is excluded from later rounds, and the others continue. On a graphics card, a timed run
+/// is repeated until the times on the device of two runs in a row agree to 5 %. `gpu_mhz` reads the clock rate of the
+/// card.
 ///
 /// # Errors
 /// For the whole call: any error that `tell` returns. For one task: its own error, or a time that is negative or
 /// not finite.
 pub fn interleave(
     all: &mut [Turns],
+    gpu_mhz: &dyn Fn() -> Option<f64>,
     tell: &mut dyn FnMut(Event) -> Result<()>,
 ) -> Result<Vec<Result<Vec<StageTimes>>>> {
     let mut readings: Vec<Result<Vec<StageTimes>>> = all.iter().map(|_| Ok(Vec::new())).collect();
@@ -160,8 +202,10 @@ pub fn interleave(
                     continue;
                 }
                 tell(Event::Starts { turns, counts })?;
-                match (t.run)().and_then(sensible) {
+                let run = if counts { steady(&mut t.run) } else { (t.run)().and_then(sensible) };
+                match run {
                     Ok(time) if counts => {
+                        let time = StageTimes { gpu_mhz: gpu_mhz(), ..time };
                         times.push(time);
                         counted.push((turns, time));
                     }
@@ -180,7 +224,8 @@ pub fn interleave(
 /// Returns an error for times that are negative or not finite, such as GPU timestamps that wrapped or were never
 /// written.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
-    let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame, frame_host_ms } = times;
+    let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame, frame_host_ms, .. } =
+        times;
     let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
     let host = [tables_ms, Some(build_host_ms), Some(build_wall_ms), Some(frame_host_ms)];
     let wrong = host
@@ -228,11 +273,13 @@ mod tests {
             build_wall_ms: build,
             frame: wall(frame),
             frame_host_ms: 0.25 * frame,
+            gpu_mhz: None,
+            unsteady: false,
         }
     }
 
     fn quietly(all: &mut [Turns]) -> Vec<Result<Vec<StageTimes>>> {
-        interleave(all, &mut |_| Ok(())).unwrap()
+        interleave(all, &|| None, &mut |_| Ok(())).unwrap()
     }
 
     #[test]
@@ -267,6 +314,8 @@ mod tests {
             build_wall_ms: 6.0,
             frame: both(gpu_ms, 20.0),
             frame_host_ms: 2.0,
+            gpu_mhz: gpu_ms.map(|ms| 100.0 * ms),
+            unsteady: gpu_ms.is_none(),
         };
         let timing = Timing::of(&[run(Some(10.0)), run(Some(10.0))]).unwrap();
         assert_eq!(
@@ -278,10 +327,34 @@ mod tests {
         let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
         assert_eq!((timing.clock, timing.build_ms.median, timing.frame_ms.median), (Clock::Wall, 5.0, 20.0));
         assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));
+        assert_eq!((timing.gpu_mhz, timing.unsteady), (None, 1));
         // A method without a shadow map has only host time for another light.
         let none = StageTimes { build_device: None, ..run(Some(10.0)) };
         assert_eq!(Timing::of(&[none]).unwrap().build_ms, Spread::exactly(3.0));
         assert!(Timing::of(&[]).is_err());
+    }
+
+    #[test]
+    fn a_card_runs_until_its_times_agree() {
+        let on_card = |ms: f64| {
+            let span = Span { gpu_ms: Some(ms), wall_ms: ms };
+            StageTimes { build_device: Some(span), frame: span, frame_host_ms: 0.0, ..stages(ms, ms) }
+        };
+        // A card that raises its clocks: the third and the fourth run agree.
+        let mut times = [8.0, 4.0, 2.0, 1.95, 1.0].into_iter();
+        let mut raises = Turns { run: Box::new(|| Ok(on_card(times.next().unwrap()))), warmup: 0, rounds: 1 };
+        let read = quietly(std::slice::from_mut(&mut raises));
+        let timing = Timing::of(read[0].as_ref().unwrap()).unwrap();
+        assert_eq!((timing.build_ms.median, timing.unsteady), (1.95, 0));
+        // Times that never agree are recorded, and counted.
+        let mut calls = 0;
+        let run = || {
+            calls += 1;
+            Ok(on_card(if calls % 2 == 0 { 1.0 } else { 2.0 }))
+        };
+        let read = quietly(&mut [Turns { run: Box::new(run), warmup: 0, rounds: 1 }]);
+        assert_eq!(Timing::of(read[0].as_ref().unwrap()).unwrap().unsteady, 1);
+        assert_eq!(calls, 1 + MOST_REPEATS);
     }
 
     #[test]
@@ -297,7 +370,7 @@ mod tests {
         };
         let mut all: Vec<_> = vec![turns('A', 1, 2), turns('B', 1, 2), turns('C', 1, 2)];
         let mut rounds = Vec::new();
-        interleave(&mut all, &mut |event| {
+        interleave(&mut all, &|| Some(1980.0), &mut |event| {
             if let Event::Round(read) = event {
                 rounds.push(read.iter().map(|(i, _)| *i).collect::<Vec<_>>());
             }
@@ -339,6 +412,6 @@ mod tests {
         assert!(quietly(&mut []).is_empty());
         let mut all = [Turns { run: Box::new(|| Ok(stages(1.0, 1.0))), warmup: 0, rounds: 2 }];
         let full = || Error::runtime("cannot write", "journal", "disk full");
-        assert!(interleave(&mut all, &mut |_| Err(full())).is_err());
+        assert!(interleave(&mut all, &|| None, &mut |_| Err(full())).is_err());
     }
 }

@@ -8,7 +8,7 @@
 use super::mesh::box_corners;
 use super::shader::PICTURE_SIDE;
 use crate::field::{ActiveBricks, FAR, grid_from_world};
-use crate::gpu::quirks::interleave_rows;
+use crate::gpu::WorkOrder;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::volume::{BRICK_CELLS, Volume};
@@ -201,18 +201,18 @@ impl EyeTiles {
         &self,
         [column, row]: [u32; 2],
         [columns, rows]: [u32; 2],
-        interleave: bool,
+        order: WorkOrder,
     ) -> (Vec<TileUniform>, u32) {
         let place = |(x, y): (u32, u32)| {
             let [nearest_mm, farthest_mm] = self.depths[(y * self.across + x) as usize];
             TileUniform { at: [x * PICTURE_SIDE, y * PICTURE_SIDE], nearest_mm, farthest_mm }
         };
         let range = |first: u32, count: u32| first / PICTURE_SIDE..(first + count).div_ceil(PICTURE_SIDE);
+        let columns = range(column, columns);
         let mut lines: Vec<u32> = range(row, rows).collect();
-        if interleave {
-            interleave_rows(&mut lines);
-        }
-        let all = lines.into_iter().flat_map(|y| range(column, columns).map(move |x| (x, y))).map(place);
+        order.spread_rows(&mut lines);
+        let positions = order.positions([columns.len() as u32, lines.len() as u32]);
+        let all = positions.map(|[x, y]| place((columns.start + x, lines[y as usize])));
         let (mut cast, rest): (Vec<_>, Vec<_>) = all.partition(|tile| tile.nearest_mm <= tile.farthest_mm);
         let count = cast.len() as u32;
         cast.extend(rest);
@@ -292,7 +292,7 @@ mod tests {
         let scene = Scene { width: 100, height: 50, ..Scene::framing(&volume) };
         let mut tiles = EyeTiles::filled(&scene, NOTHING);
         tiles.mark([30.0, 40.0], [10.0, 12.0], [100.0, 50.0], [1.0, 2.0]);
-        let (list, cast) = tiles.part([16, 8], [84, 20], true);
+        let (list, cast) = tiles.part([16, 8], [84, 20], WorkOrder::Spread);
         assert_eq!((list.len(), cast), (11 * 3, 3));
         assert!(
             list[..3].iter().all(|t| t.at[1] == 8 && (24..=40).contains(&t.at[0]) && t.farthest_mm == 2.0)
@@ -300,6 +300,6 @@ mod tests {
         assert_eq!(tiles.counts(), [13 * 7, 13 * 7 - 3]);
         tiles.mark([f64::NEG_INFINITY, -5.0], [0.0, 9.0], [100.0, 50.0], [0.0, 9.0]);
         assert_eq!(tiles.counts()[1], 13 * 7 - 3, "beside the picture");
-        assert_eq!(EyeTiles::all(&scene).part([0, 0], [100, 50], false).1, 13 * 7);
+        assert_eq!(EyeTiles::all(&scene).part([0, 0], [100, 50], WorkOrder::Blocks).1, 13 * 7);
     }
 }

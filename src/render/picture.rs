@@ -9,7 +9,7 @@ use super::shader::{CONSTANTS, PICTURE_SIDE};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeviceDirections, DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
-use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
+use crate::gpu::{Group, Read, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 use crate::scene::{LightSource, Scene, Shading};
 use crate::shadow::ShadowMap;
 use crate::volume::Volume;
@@ -201,11 +201,11 @@ impl Renderer {
         span: &mut Span,
     ) -> Result<bool> {
         let width = caster.scene.width;
-        // Number of unfinished pixels, then the progress of each.
+        // Number of unfinished pixels and padding, then the progress of each pixel: sample and light there.
         let resumable = caster.passes.iter().any(|pass| pass.resumable);
-        let pixels_here = if resumable { rows as usize * width as usize } else { 3 };
-        let mut start = vec![f32::from_bits(0)];
-        start.resize(pixels_here + 1, NOT_STARTED);
+        let pixels_here = if resumable { rows as usize * width as usize } else { 1 };
+        let mut start = vec![f32::from_bits(0); 2];
+        start.resize(2 * pixels_here + 2, NOT_STARTED);
         let progress = StorageBuffer::from_slice(self.gpu(), "progress", &start)?;
         let mut pixels = Some(pixels);
         let mut first_column = 0;
@@ -213,7 +213,7 @@ impl Renderer {
             let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
             let columns = pixels_to_columns(budget, rows).min(width - first_column);
             let (tiles, cast) =
-                caster.tiles.part([first_column, first_row], [columns, rows], self.gpu().is_software());
+                caster.tiles.part([first_column, first_row], [columns, rows], self.gpu().tuning.order);
             let left_out = tiles.len() as u32 - cast;
             let tiles = StorageBuffer::from_slice(self.gpu(), "tiles of the picture", &tiles)?;
             let mut part: Option<Span> = None;
@@ -264,10 +264,11 @@ impl Renderer {
         let [left_out, cast] = tiles.map(workgroups);
         let passes = [(&background, left_out), (&pass.shader, cast)];
         loop {
-            let took = self.kernels.run_all("ray cast", &passes, &groups)?;
+            let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
+            let (took, reads) = self.kernels.run_all("ray cast", &passes, &groups, unfinished.as_slice())?;
             let so_far = part.map_or(took, |s| s.plus(took));
             part = Some(so_far);
-            if !pass.resumable || read_back::<u32>(self.gpu(), progress, 1)?[0] == 0 {
+            if reads.iter().flatten().all(|unfinished| *unfinished == 0) {
                 return Ok(so_far);
             }
             self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());

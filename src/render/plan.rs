@@ -274,7 +274,7 @@ fn raycast_shader(
         |l| l.within(entry).defs(["SHADOWS"]).defs(l.marches().then_some("RESUMABLE")),
     );
     shader
-        .modules(&["render/frame.wgsl"])
+        .modules(&["render/frame.wgsl", "render/resumption.wgsl"])
         .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())

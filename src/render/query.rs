@@ -48,7 +48,7 @@ impl Renderer {
             let stage =
                 [(0, Slot::read(points.as_entire_binding())), (1, Slot::read_write(results_of_chunk))];
             let groups = [transfer.group(), &shadow.group, &self.kernels.group("query", &stage)];
-            self.kernels.run("query", &shader, &groups, line_of_workgroups(chunk.len()))?;
+            self.kernels.run("query", &shader, &groups, line_of_workgroups(chunk.len()), &[])?;
             results.extend(read_back::<f32>(gpu, &values, chunk.len())?);
         }
         Ok(results)

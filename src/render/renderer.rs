@@ -136,9 +136,9 @@ impl Renderer {
     ) -> Result<ShadowMap> {
         let start = Instant::now();
         let made_before = transfer.march_table().is_some();
-        let LoadedVolume { volume, strands, pool_sizes, .. } = loaded;
+        let LoadedVolume { volume, strands, node_pools, .. } = loaded;
         let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
-        let context = BuildContext { kernels, pace, pool_sizes, volume, transfer, strands, light, view };
+        let context = BuildContext { kernels, pace, node_pools, volume, transfer, strands, light, view };
         let mut map = method.build(&context)?;
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);

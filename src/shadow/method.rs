@@ -5,10 +5,11 @@ use super::keys::{Lookups, MAP, MARCH};
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, Optimization, TILE_TEXELS, marches_cells};
+use crate::field::{BuildContext, LightSpace, NodePool, Optimization, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
 use std::fmt;
 use std::hash::{Hash, Hasher};
+use std::sync::Arc;
 
 /// Registry entry of a shadow method: name, settings, constructor, and the settings with which tables and tests use
 /// it by default.
@@ -362,6 +363,8 @@ pub struct ShadowMap {
     pub report: BuildReport,
     /// Error bound of the shadow map; `None` if the method has none.
     pub bound: Option<Bound>,
+    /// Texture of curve nodes, which later builds do not reuse as long as this map exists; `None` for methods without.
+    pub(crate) _pool: Option<Arc<NodePool>>,
 }
 
 /// Interface of a shadow method with given values of its settings.

@@ -29,7 +29,7 @@ fn limited(renderer: &Renderer) -> Arc<Renderer> {
     let mut descriptor = Gpu::device_descriptor(&adapter);
     descriptor.required_limits.max_texture_dimension_3d = LIMIT;
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    Arc::new(Renderer::new(Gpu::from_parts(&adapter, device, queue)))
+    Arc::new(Renderer::new(Gpu::from_parts(&adapter, device, queue).unwrap()))
 }
 
 /// Volume of waves with noise, on an oblique grid.

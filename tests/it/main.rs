@@ -15,6 +15,7 @@ mod phantom;
 mod program;
 mod raw;
 mod readme;
+mod registers;
 mod report_browser;
 mod rooms;
 mod shaders;

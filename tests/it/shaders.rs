@@ -8,13 +8,17 @@ use std::hash::{Hash, Hasher};
 use std::io::Write;
 use std::process::{Command, Stdio};
 use umbravox::field::marches_cells;
-use umbravox::gpu::{ShaderVariant, compose, shader_paths};
+use umbravox::gpu::{ShaderVariant, Tuning, compose, shader_paths};
 use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
 /// Settings of shadow methods whose code is independent of the other settings: each is tried with their defaults.
 const ALONE: [&str; 5] = ["lookup", "average", "march", "compress", "from"];
+
+/// Tunings of shaders: for software adapters, for those in a window, and for graphics cards.
+const TUNINGS: [Tuning; 3] =
+    [Tuning::SOFTWARE, Tuning { storage_uniforms: true, ..Tuning::SOFTWARE }, Tuning::CARD];
 
 /// Whether a setting is combined with all others: one that always has an effect, or has one on every march.
 fn is_common(when: When) -> bool {
@@ -51,9 +55,9 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     specs.iter().flat_map(|spec| parse_list(spec).unwrap()).collect()
 }
 
-/// All shader variants of scenes and settings, each with all that adapters and transfer functions add. The flag says
-/// that uniforms are read from storage buffers.
-fn variants() -> Vec<(ShaderVariant, bool)> {
+/// All shader variants of scenes and settings, each with all that adapters and transfer functions add, and with
+/// the tuning for a type of adapter.
+fn variants() -> Vec<(ShaderVariant, Tuning)> {
     let mut wanted: HashSet<ShaderVariant> = shaders(None).into_iter().collect();
     for entry in METHODS {
         for method in settings(entry) {
@@ -67,11 +71,11 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
     for variant in wanted {
         let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
         for more in search {
-            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS", "SOFTWARE_ADAPTER"]] {
+            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());
                 // Folding a texture does not change what is bound.
-                list.push((variant.clone().defs(["FOLDED"]), false));
-                list.extend([(variant.clone(), false), (variant, true)]);
+                list.push((variant.clone().defs(["FOLDED"]), Tuning::SOFTWARE));
+                list.extend(TUNINGS.map(|tuning| (variant.clone(), tuning)));
             }
         }
     }
@@ -91,21 +95,21 @@ fn hash(value: &impl Hash) -> u64 {
 }
 
 /// Selects shader variants that together contain every pair of settings of each shader. A setting is a definition
-/// that is present or not, the value of a constant, or the way uniforms are read. All combinations would be ten times
+/// that is present or not, the value of a constant, or the tuning for a type of adapter. All combinations would be ten times
 /// as many.
-fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, bool)> {
+fn pairwise(mut variants: Vec<(ShaderVariant, Tuning)>) -> Vec<(ShaderVariant, Tuning)> {
     let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();
     let all: BTreeSet<&str> = variants.iter().flat_map(|(variant, _)| variant.defs.iter().copied()).collect();
     let mut used: HashMap<u64, Vec<&str>> = HashMap::new();
     let mut pairs = HashSet::new();
-    variants.retain(|(variant, live)| {
+    variants.retain(|(variant, tuning)| {
         let shader = hash(&(variant.entry, &variant.modules));
         let defs = used.entry(shader).or_insert_with(|| {
             let paths = || variant.modules.iter().chain([&variant.entry]);
             let mentions = |def: &&str| paths().any(|path| files[path].contains(*def));
             all.iter().copied().filter(mentions).collect()
         });
-        let mut settings = vec![hash(live)];
+        let mut settings = vec![hash(tuning)];
         settings.extend(defs.iter().map(|def| hash(&(def, variant.defs.contains(def)))));
         settings.extend(variant.constants.iter().map(hash));
         let mut adds = false;
@@ -120,8 +124,8 @@ fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, boo
 }
 
 /// Composes a shader variant and validates the module.
-fn validated(variant: &ShaderVariant, live: bool) -> (naga::Module, naga::valid::ModuleInfo) {
-    let module = compose(variant, live).unwrap_or_else(|e| panic!("{variant:?}: {e}"));
+fn validated(variant: &ShaderVariant, tuning: &Tuning) -> (naga::Module, naga::valid::ModuleInfo) {
+    let module = compose(variant, tuning).unwrap_or_else(|e| panic!("{variant:?}: {e}"));
     let mut validator = naga::valid::Validator::new(
         naga::valid::ValidationFlags::all(),
         // Half floats packed in words, which every adapter but OpenGL's older ones has.
@@ -133,7 +137,7 @@ fn validated(variant: &ShaderVariant, live: bool) -> (naga::Module, naga::valid:
     for (_, global) in module.global_variables.iter() {
         let moves = global.binding.is_some_and(|b| b.group > 0);
         let uniform = global.space == naga::AddressSpace::Uniform;
-        assert!(!(live && moves && uniform), "{:?} of {variant:?}", global.name);
+        assert!(!(tuning.storage_uniforms && moves && uniform), "{:?} of {variant:?}", global.name);
     }
     (module, info)
 }
@@ -195,8 +199,8 @@ fn every_shader_composes_validates_and_translates_for_every_driver() {
     let chosen = pairwise(variants);
     println!("{} of {count} variants have every pair, {:?}", chosen.len(), start.elapsed());
     let tried: Vec<_> = chosen.iter().step_by(SIZES.shader_stride).collect();
-    tried.par_iter().for_each(|(variant, live)| {
-        let (module, info) = validated(variant, *live);
+    tried.par_iter().for_each(|(variant, tuning)| {
+        let (module, info) = validated(variant, tuning);
         translate(variant, &module, &info, spirv_val);
     });
     println!("{} of them tried, {:?}", tried.len(), start.elapsed());
@@ -211,15 +215,15 @@ fn every_shader_composes_validates_and_translates_for_every_driver() {
 #[test]
 fn combined_requests_are_composed_together() {
     let variants = variants();
-    let has = |names: &[&str], live: bool| {
-        variants.iter().any(|(v, l)| *l == live && names.iter().all(|n| v.defs.contains(n)))
+    let has = |names: &[&str], tuning: Tuning| {
+        variants.iter().any(|(v, t)| *t == tuning && names.iter().all(|n| v.defs.contains(n)))
     };
-    for live in [false, true] {
-        assert!(has(&["ONE_COLOR", "SHADOWS", "BLINN_PHONG", "SKIP_BRICKS"], live));
-        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "RESUMABLE"], live));
-        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], live));
+    for tuning in TUNINGS {
+        assert!(has(&["ONE_COLOR", "SHADOWS", "BLINN_PHONG", "SKIP_BRICKS"], tuning));
+        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "RESUMABLE"], tuning));
+        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], tuning));
     }
-    assert!(has(&["FOLDED", "MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS"], false));
+    assert!(has(&["FOLDED", "MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS"], Tuning::SOFTWARE));
 }
 
 #[test]

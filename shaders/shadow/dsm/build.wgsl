@@ -1,14 +1,17 @@
-// Builds a tiled deep shadow map: one workgroup for each tile, one thread for each texel.
+// Builds a tiled deep shadow map: one thread for each texel.
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::labels::labeled_value_at
 #import umbravox::transfer::extinction_at
 #import umbravox::light::{light, light_ray}
-#import umbravox::work::add_work
+#import umbravox::work::{add_divergence, add_work}
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish}
 #import umbravox::dsm_rows::report_cut_ray
+#ifdef WORKGROUP_MEMORY
+#import umbravox::dsm_rows::add_counts
+#endif
 #import umbravox::dsm_layout::{params, DEPTH_STEPS, MAX_LATTICE_STEPS}
 #ifdef MARCHES
 #import umbravox::march::march
@@ -107,17 +110,10 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
 }
 #endif
 
-@compute @workgroup_size(#{TILE}, #{TILE})
-fn build(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_id) local: vec3<u32>,
-) {
-    let here = tile_texel(group, groups, local);
-    if !here.inside { return; }
-    let texel = vec2<f32>(here.texel);
+fn build_texel(here: vec2<u32>, record: u32, thread: u32) {
+    let texel = vec2<f32>(here);
     let z_end = light.depth_start_mm + DEPTH_STEPS / params.depth_steps_per_mm;
-    start_writer(record_of(here.texel));
+    start_writer(record, thread);
 #ifdef WHOLE_CURVE
     let ray = light_ray(texel);
     var sink = start_sink();
@@ -126,5 +122,21 @@ fn build(
     regular_curve(texel, light.depth_start_mm, z_end);
 #endif
     finish();
+    add_divergence(here, light.map_size);
     add_work();
+}
+
+@compute @workgroup_size(#{WORKGROUP_SIDE}, #{WORKGROUP_SIDE})
+fn build(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let here = tile_texel(group, groups, local);
+    let record = record_of(here.texel);
+    if here.inside { build_texel(here.texel, record, thread); }
+#ifdef WORKGROUP_MEMORY
+    add_counts(record, thread);
+#endif
 }

@@ -93,19 +93,60 @@ fn count_narrowed() {
     atomicAdd(&counters.texels_narrowed, 1u);
 }
 
+#ifdef WORKGROUP_MEMORY
+// Counters of this workgroup: one thread adds them to those of the pass, since the threads of a card that add to one
+// address wait for each other.
+struct WorkgroupSums {
+    nodes_total: atomic<u32>,
+    nodes_max: atomic<u32>,
+    texels_hit: atomic<u32>,
+    requested_rows: atomic<u32>,
+    incomplete: atomic<u32>,
+}
+
+var<workgroup> sums: WorkgroupSums;
+
+// Adds the counters of the workgroup to those of the pass. All threads of the workgroup call it, with a record of the
+// workgroup's tile.
+fn add_counts(record: u32, thread: u32) {
+    workgroupBarrier();
+    let texels_hit = atomicLoad(&sums.texels_hit);
+    if thread == 0u && texels_hit > 0u {
+        atomicAdd(&counters.nodes_total, atomicLoad(&sums.nodes_total));
+        atomicMax(&counters.nodes_max, atomicLoad(&sums.nodes_max));
+        atomicAdd(&counters.texels_hit, texels_hit);
+        let tile = record / TILE_TEXELS;
+        atomicAdd(&requested_rows[2u * tile], atomicLoad(&sums.requested_rows));
+        atomicAdd(&requested_rows[2u * tile + 1u], atomicLoad(&sums.incomplete));
+    }
+}
+#endif
+
+// Adds the rows of a texel to the counters.
+fn count_rows() {
+    let requested = (rows.count - 1u) / ROW_NODES;
+    let incomplete = select(0u, 1u, rows.row == NO_ROW);
+#ifdef WORKGROUP_MEMORY
+    atomicAdd(&sums.nodes_total, rows.count);
+    atomicMax(&sums.nodes_max, rows.count);
+    atomicAdd(&sums.texels_hit, 1u);
+    atomicAdd(&sums.requested_rows, requested);
+    atomicAdd(&sums.incomplete, incomplete);
+#else
+    atomicAdd(&counters.nodes_total, rows.count);
+    atomicMax(&counters.nodes_max, rows.count);
+    atomicAdd(&counters.texels_hit, 1u);
+    // Not in `store_node`: llvmpipe of Mesa 22.3 crashes on atomics in loops whose addresses differ between lanes.
+    let tile = rows.record / TILE_TEXELS;
+    atomicAdd(&requested_rows[2u * tile], requested);
+    atomicAdd(&requested_rows[2u * tile + 1u], incomplete);
+#endif
+}
+
 // Updates the counters and fills the row, so that a search needs no node count; `t` is the transmittance of the last
 // node.
 fn finish_rows(t: f32) {
-    if rows.count > 0u {
-        atomicAdd(&counters.nodes_total, rows.count);
-        atomicMax(&counters.nodes_max, rows.count);
-        atomicAdd(&counters.texels_hit, 1u);
-        // Not in `store_node`: llvmpipe of Mesa 22.3 crashes on atomics in loops whose addresses differ between
-        // lanes.
-        let tile = rows.record / TILE_TEXELS;
-        atomicAdd(&requested_rows[2u * tile], (rows.count - 1u) / ROW_NODES);
-        atomicAdd(&requested_rows[2u * tile + 1u], select(0u, 1u, rows.row == NO_ROW));
-    }
+    if rows.count > 0u { count_rows(); }
     if rows.row == NO_ROW { return; }
     let tail = (FILLER << 16u) | u32(round(t * 65535.0));
     for (var i = 0u; i <= ROW_NODES; i++) {

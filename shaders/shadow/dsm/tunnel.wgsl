@@ -25,8 +25,8 @@ const CORNERS: u32 = #{HULL_CORNERS};
 const MAX_CORNERS: u32 = #{HULL_CORNERS} - 6u;
 // Width of a vertical fall in depth steps: depths that differ by less are equal.
 const FALL_WIDTH: f32 = #{UPRIGHT_STEPS};
-// Largest number of iterations of a push: the pending fall, the gap, the piece.
-const PUSH_ITERATIONS: i32 = 3;
+// Largest number of iterations of a push without a pending fall: the gap, the piece.
+const PUSH_ITERATIONS: i32 = 2;
 
 const FLOOR: u32 = 0u;
 const CEILING: u32 = 1u;
@@ -65,11 +65,22 @@ struct Tunnel {
 }
 
 // The two chains of corners (floor, ceiling), each a ring buffer.
+#ifdef WORKGROUP_MEMORY
+// Corner by corner for all threads of the workgroup, so that neighbouring threads use different memory banks.
+const CORNER_STRIDE: u32 = #{WORKGROUP_SIDE} * #{WORKGROUP_SIDE};
+var<workgroup> corners: array<vec2<f32>, 2 * #{HULL_CORNERS} * CORNER_STRIDE>;
+#else
+const CORNER_STRIDE: u32 = 1u;
 var<private> corners: array<vec2<f32>, 2 * #{HULL_CORNERS}>;
+#endif
+var<private> own_corners: u32;
 var<private> tunnel: Tunnel;
 
-fn start_writer(row: u32) {
+fn start_writer(row: u32, thread: u32) {
     start_rows(row);
+#ifdef WORKGROUP_MEMORY
+    own_corners = thread;
+#endif
     tunnel.started = false;
     tunnel.pending = false;
     tunnel.narrowed = false;
@@ -78,11 +89,11 @@ fn start_writer(row: u32) {
 }
 
 fn corner(side: u32, i: u32) -> vec2<f32> {
-    return corners[side * CORNERS + (i & (CORNERS - 1u))];
+    return corners[(side * CORNERS + (i & (CORNERS - 1u))) * CORNER_STRIDE + own_corners];
 }
 
 fn set_corner(side: u32, i: u32, point: vec2<f32>) {
-    corners[side * CORNERS + (i & (CORNERS - 1u))] = point;
+    corners[(side * CORNERS + (i & (CORNERS - 1u))) * CORNER_STRIDE + own_corners] = point;
 }
 
 // Returns the extreme line of a side at a depth, upside down for the ceiling.
@@ -121,7 +132,10 @@ fn make_room() {
     let touch = tunnel.touch[side];
     var from_corner = tunnel.begin[side] + 1u;
     var to_corner = from_corner;
-    for (var i = 0u; i < CORNERS; i++) {
+    // Limits of loops depend on the data here and below: compilers unroll loops with constant limits, to ten thousand
+    // instructions.
+    let corners_left = last - tunnel.begin[side];
+    for (var i = 0u; i < corners_left; i++) {
         let a = corner(side, to_corner - 1u);
         let b = corner(side, from_corner);
         let c = corner(side, from_corner + 1u);
@@ -151,10 +165,11 @@ fn add_corner(side: u32, point: vec2<f32>) {
         // Tangent to the chain of the other side; corners before its contact cannot be touched any more.
         var first = vec2<f32>(tunnel.first_x[other], tunnel.first_y[other]);
         var begin = tunnel.begin[other];
-        for (var i = 0u; i < CORNERS; i++) {
+        let corners_left = tunnel.touch[other] - begin;
+        for (var i = 0u; i < corners_left; i++) {
             let next = corner(other, begin + 1u);
             let nearer = (point.y + next.y) * (point.x - first.x) > (point.y + first.y) * (point.x - next.x);
-            if !(nearer && begin < tunnel.touch[other]) { break; }
+            if !nearer { break; }
             first = next;
             begin += 1u;
         }
@@ -166,10 +181,11 @@ fn add_corner(side: u32, point: vec2<f32>) {
     let least = select(tunnel.touch[side] + 1u, tunnel.begin[side] + 1u, rotated);
     var end = tunnel.end[side];
     var newest = vec2<f32>(tunnel.newest_x[side], tunnel.newest_y[side]);
-    for (var i = 0u; i < CORNERS; i++) {
+    let corners_left = end - least;
+    for (var i = 0u; i < corners_left; i++) {
         let before = corner(side, end - 2u);
         let hidden = (newest.y - before.y) * (point.x - before.x) <= (point.y - before.y) * (newest.x - before.x);
-        if end <= least || !hidden { break; }
+        if !hidden { break; }
         newest = before;
         end -= 1u;
     }
@@ -263,7 +279,7 @@ fn push(z_from: f32, z_to: f32, t: f32) {
     let end = (z_to - light.depth_start_mm) * params.depth_steps_per_mm;
     if !tunnel.started { start_at(start); }
     make_room();
-    var iterations_left = PUSH_ITERATIONS;
+    var iterations_left = PUSH_ITERATIONS + select(0, 1, tunnel.pending);
     loop {
         if iterations_left == 0 {
             report_iteration_limit();

@@ -1,7 +1,7 @@
-// Builds a layered shadow map: one workgroup for each tile, one thread for each texel.
+// Builds a layered shadow map: one thread for each texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
-#import umbravox::work::add_work
+#import umbravox::work::{add_divergence, add_work}
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::layers::params
@@ -20,7 +20,7 @@ struct Stage {
 
 @group(2) @binding(2) var<storage, read_write> stage: Stage;
 
-@compute @workgroup_size(#{TILE}, #{TILE})
+@compute @workgroup_size(#{WORKGROUP_SIDE}, #{WORKGROUP_SIDE})
 fn build(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -53,5 +53,6 @@ fn build(
 #endif
     finish(sink.optical_depth);
     if met_extinction() { atomicAdd(&stage.texels_hit, 1u); }
+    add_divergence(here.texel, light.map_size);
     add_work();
 }

@@ -9,7 +9,7 @@
 // Depth of the first extinction, mm, tile by tile.
 @group(2) @binding(1) var<storage, read_write> starts_mm: array<f32>;
 
-@compute @workgroup_size(#{TILE}, #{TILE})
+@compute @workgroup_size(#{WORKGROUP_SIDE}, #{WORKGROUP_SIDE})
 fn find_starts(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,

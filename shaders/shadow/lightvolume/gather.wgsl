@@ -1,6 +1,6 @@
 // Marches from every lattice node of some blocks to the light: one workgroup for each block.
 
-#import umbravox::quirks::workgroup_item
+#import umbravox::tuning::workgroup_item
 #import umbravox::lattice::{lattice, node_position, stored_light}
 #import umbravox::light::toward_light
 #import umbravox::march::march

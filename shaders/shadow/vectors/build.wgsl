@@ -1,8 +1,8 @@
-// Builds a shadow map that stores several vectors in each texel: one workgroup for each tile, one thread for each
-// texel. The sink of the shadow method computes the vectors along the ray of the texel.
+// Builds a shadow map that stores several vectors in each texel: one thread for each texel. The sink of the shadow
+// method computes the vectors along the ray of the texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm, OCTAHEDRAL}
-#import umbravox::work::add_work
+#import umbravox::work::{add_divergence, add_work}
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::{TILE, NO_TILE}
 #import umbravox::vectors::{VECTORS, TILE_SIDE, tile_corner, first_record}
@@ -43,7 +43,7 @@ fn store_at(texel: vec2<i32>) {
 #endif
 #endif
 
-@compute @workgroup_size(#{TILE}, #{TILE})
+@compute @workgroup_size(#{WORKGROUP_SIDE}, #{WORKGROUP_SIDE})
 fn build(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -89,5 +89,6 @@ fn build(
             }
         }
     }
+    add_divergence(here.texel, light.map_size);
     add_work();
 }

@@ -82,7 +82,7 @@ pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap
             (1, Slot::read_write(node_counts.as_entire_binding())),
         ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("node count", &stage)];
-        kernels.run("node count", &shader(), &groups, line_of_workgroups(here))?;
+        kernels.run("node count", &shader(), &groups, line_of_workgroups(here), &[])?;
         counts.extend(read_back::<u32>(gpu, &node_counts, here)?);
     }
     NodeMap::from_counts(map_size, counts).map(Some)
@@ -123,7 +123,7 @@ pub fn node_depths(
             (1, Slot::read_write(node_steps.as_entire_binding())),
         ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("steps of nodes", &stage)];
-        kernels.run("steps of nodes", &steps_shader(), &groups, line_of_workgroups(places.len()))?;
+        kernels.run("steps of nodes", &steps_shader(), &groups, line_of_workgroups(places.len()), &[])?;
         let steps = read_back::<u32>(gpu, &node_steps, total as usize)?;
         let mut rest = &steps[..];
         for count in counts {

@@ -1,7 +1,7 @@
 //! Memory layout of the curve nodes in a deep shadow map, as in `shaders/shadow/dsm/layout.wgsl`.
 
 use crate::field::{TILE_TEXELS, field_shader};
-use crate::gpu::quirks::MAX_LATTICE_STEPS;
+use crate::gpu::tuning::MAX_LATTICE_STEPS;
 use crate::gpu::{Constant, ShaderVariant};
 use crate::shadow::tolerances::OPAQUE_DEPTH;
 

@@ -41,12 +41,13 @@ use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, TILE_TEXELS, TileMarch};
-use crate::gpu::quirks::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
+use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePool, TILE_TEXELS, TileMarch};
+use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 use crate::gpu::{
-    Gpu, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
+    Read, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
 };
 use bytemuck::{Pod, Zeroable};
+use std::sync::Arc;
 
 /// Transmittance at which the march of a light ray ends (`exp(-OPAQUE_DEPTH)` of the shaders).
 const RAY_END: f64 = 1.0 / 2048.0;
@@ -192,7 +193,7 @@ impl DeepShadowMap {
 
     /// Returns the distance (mm) between regular samples along a light ray of a deep shadow map. Texels that store
     /// the mean of several exact curves use half a step, so that the samples err by at most half a step in depth. The
-    /// distance grows if a ray would need too many steps ([`quirks`](crate::gpu::quirks)), as for very anisotropic
+    /// distance grows if a ray would need too many steps ([`tuning`](crate::gpu::tuning)), as for very anisotropic
     /// voxels.
     fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
         let (share, most) = match self.precompress {
@@ -290,15 +291,16 @@ impl DeepShadowMap {
         ];
         let params = [(1, context.kernels.uniform(&params))];
         let (label, shader) = ("deep shadow map build", self.build_shader());
+        let read = Read { buffer: &counters, words: size_of::<Counters>() / 4 };
         let ran = match some {
-            None => tiles.run(label, &shader, &params, &stage),
-            Some(places) => tiles.run_again(places, label, &shader, &params, &stage),
+            None => tiles.run(label, &shader, &params, &stage, Some(read)),
+            Some(places) => tiles.run_again(places, label, &shader, &params, &stage, Some(read)),
         };
         let hint =
             "software adapters limit loops: use fewer pre-filter taps, a longer step, or march=samples";
         let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
-        let span = ran.map_err(|e| if many { e.hint(hint) } else { e })?;
-        let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
+        let (span, words) = ran.map_err(|e| if many { e.hint(hint) } else { e })?;
+        let counters: Counters = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&words));
         if counters.texels_cut > 0 {
             let why = format!("the adapter ended {} light rays early", counters.texels_cut);
             return Err(Error::runtime("cannot build the deep shadow map", self.params(), why).hint(hint));
@@ -307,12 +309,22 @@ impl DeepShadowMap {
     }
 }
 
-/// Creates the texture that stores the rows of curve nodes of a deep shadow map: at least `rows` rows, in whole lines
-/// of texels.
-fn create_pool(gpu: &Gpu, params: &mut DsmParams, rows: u32) -> Result<wgpu::TextureView> {
-    params.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
-    let size = [NODE_TEXTURE_WIDTH, params.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
-    store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)
+/// Largest factor by which a reused pool may be too large while a light moves in a window.
+const POOL_SLACK: f64 = 1.25;
+
+/// Creates or reuses the texture that stores the rows of curve nodes of a deep shadow map: at least `rows` rows, in
+/// whole lines of texels. Measurements only reuse a pool of exactly this size.
+fn node_pool(context: &BuildContext<'_>, rows: u32) -> Result<Arc<NodePool>> {
+    let rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
+    let most = if context.pace.is_limited() { (POOL_SLACK * f64::from(rows)) as u32 } else { rows };
+    if let Some(pool) = context.node_pools.reuse(rows, most) {
+        return Ok(pool);
+    }
+    let size = [NODE_TEXTURE_WIDTH, rows / (NODE_TEXTURE_WIDTH / 2)];
+    let view = store_texture(context.gpu(), "deep shadow map nodes", NODE_FORMAT, size)?;
+    let pool = Arc::new(NodePool { view, rows });
+    context.node_pools.keep(&pool);
+    Ok(pool)
 }
 
 impl Method for DeepShadowMap {
@@ -345,13 +357,14 @@ impl Method for DeepShadowMap {
         // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
         // quarter more rows than texels suffices for most scenes.
         let settings = self.spec().to_string();
-        let known = context.pool_sizes.last(&settings);
+        let known = context.node_pools.last_size(&settings);
         let more = |share: f64| (share * 1.125 * f64::from(params.tile_rows)) as u32 + params.tile_rows / 64;
         let pool_rows = params.tile_rows + known.map_or(params.tile_rows / 4, more);
-        let mut nodes = create_pool(gpu, &mut params, pool_rows)?;
+        let mut pool = node_pool(context, pool_rows)?;
+        params.pool_rows = pool.rows;
         let requested = StorageBuffer::zeroed(gpu, "requested rows", 8 * u64::from(tiles.built))?;
         let (mut device, counters) =
-            self.fill(context, &tiles, None, &params, (&nodes, &requested), Counters::zeroed())?;
+            self.fill(context, &tiles, None, &params, (&pool.view, &requested), Counters::zeroed())?;
         let mut overflow_rows = counters.overflow_rows;
         let mut pool_growths = 0;
         if params.tile_rows + overflow_rows > params.pool_rows {
@@ -360,12 +373,13 @@ impl Method for DeepShadowMap {
             let short: Vec<usize> = (0..rows.len()).filter(|place| rows[*place][1] > 0).collect();
             let missing: u32 = short.iter().map(|place| rows[*place][0]).sum();
             let before = params.pool_rows;
-            let larger = create_pool(gpu, &mut params, before + missing)?;
-            copy_rows(gpu, &nodes, &larger, before / (NODE_TEXTURE_WIDTH / 2))?;
-            nodes = larger;
+            let larger = node_pool(context, before + missing)?;
+            params.pool_rows = larger.rows;
+            copy_rows(gpu, &pool.view, &larger.view, before / (NODE_TEXTURE_WIDTH / 2))?;
+            pool = larger;
             let used = Counters { overflow_rows: before - params.tile_rows, ..Zeroable::zeroed() };
             let (took, counted) =
-                self.fill(context, &tiles, Some(&short), &params, (&nodes, &requested), used)?;
+                self.fill(context, &tiles, Some(&short), &params, (&pool.view, &requested), used)?;
             device = device.plus(took);
             overflow_rows = counted.overflow_rows;
             pool_growths = 1;
@@ -375,7 +389,7 @@ impl Method for DeepShadowMap {
             }
         }
         let share = f64::from(counters.overflow_rows) / f64::from(params.tile_rows.max(1));
-        context.pool_sizes.learn(settings, share);
+        context.node_pools.learn_size(settings, share);
         let used_rows = params.tile_rows + overflow_rows;
         let uniform = uniform_buffer(gpu, "deep shadow map", &params);
         let left_out = tiles.tiles - tiles.built;
@@ -383,7 +397,7 @@ impl Method for DeepShadowMap {
             method: NAME,
             group: tiles.group(
                 "deep shadow map",
-                &[(1, context.kernels.uniform(&uniform)), (3, Slot::words(&nodes))],
+                &[(1, context.kernels.uniform(&uniform)), (3, Slot::words(&pool.view))],
             ),
             lookup: self.lookup(),
             report: BuildReport {
@@ -406,6 +420,7 @@ impl Method for DeepShadowMap {
             },
             bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
+            _pool: Some(pool),
         })
     }
 }

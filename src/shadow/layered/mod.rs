@@ -36,7 +36,7 @@ use crate::field::{
     BuildContext, LightSpace, MapShape, March, Optimization, TILE_TEXELS, TileMarch, field_shader,
 };
 use crate::gpu::{
-    Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
+    Constant, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, store_texture, table_texture,
     uniform_buffer,
 };
 use bytemuck::{Pod, Zeroable};
@@ -240,19 +240,17 @@ impl LayeredMap {
         let counted = (2, Slot::read_write(stage.as_entire_binding()));
         let slots = built.slots(context);
         let map_slots = &slots[1..];
-        let mut device =
-            built.tiles.run("layered map build", &self.build_shader(), map_slots, &[store, counted])?;
+        let (label, shader) = ("layered map build", self.build_shader());
+        let read = Read { buffer: stage, words: 1 };
+        let (mut device, texels_hit) =
+            built.tiles.run(label, &shader, map_slots, &[store, counted], Some(read))?;
         let with_depth_pass =
             self.record.depths > 0 && context.transfer.disabled.has(Optimization::DepthPass);
         if with_depth_pass {
             let starts = StorageBuffer::zeroed(gpu, "starts", 4 * count)?;
             let stage = [(1, Slot::read_write(starts.as_entire_binding()))];
-            device = device.plus(built.tiles.run(
-                "depth pass",
-                &depth_pass_shader(self.shape.march),
-                map_slots,
-                &stage,
-            )?);
+            let shader = depth_pass_shader(self.shape.march);
+            device = device.plus(built.tiles.run("depth pass", &shader, map_slots, &stage, None)?.0);
         }
         let left_out = built.tiles.tiles - built.tiles.built;
         let split_bytes = rows.map_or(0, |(_, values)| size_of_val(&values[..]) as u64);
@@ -264,7 +262,7 @@ impl LayeredMap {
             // The storage texture is allocated in whole lines.
             bytes: self.record.texture_bytes(count) + other_bytes,
             bytes_used: count * self.record.bytes() + other_bytes,
-            texels_hit: Some(u64::from(read_back::<u32>(gpu, stage, 1)?[0])),
+            texels_hit: texels_hit.first().map(|n| u64::from(*n)),
             tiles: built.tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.record.bytes(),
@@ -306,6 +304,7 @@ impl Built<'_> {
             light_space: self.tiles.light_space,
             report: self.report,
             bound: None,
+            _pool: None,
         }
     }
 }

@@ -30,7 +30,7 @@ use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
-use crate::field::{BuildContext, DEPTH_SINK, March, field_shader};
+use crate::field::{BuildContext, DEPTH_SINK, March, TileList, field_shader};
 use crate::gpu::{
     Constant, ShaderVariant, Slot, Span, StorageBuffer, VolumeTexture, clamp_sampler, uniform_buffer,
 };
@@ -171,8 +171,10 @@ impl LightVolume {
         let list = StorageBuffer::from_slice(context.gpu(), "blocks of a light volume", &blocks)?;
         let group = passes.group(&[]);
         let stage = [(1, nodes.store_slot())];
-        let list = (&list, blocks.len() as u32);
-        context.run_over(list, "light volume gather", &self.gather_shader(), &group, &stage)
+        let list = TileList { entries: &list, count: blocks.len() as u32, workgroups: 1 };
+        context
+            .run_over(list, "light volume gather", &self.gather_shader(), &group, &stage, None)
+            .map(|(span, _)| span)
     }
 
     /// Builds the light volume by a sweep through its slices, away from the light.
@@ -301,6 +303,7 @@ impl Method for LightVolume {
                 ..Default::default()
             },
             bound: None,
+            _pool: None,
         })
     }
 }

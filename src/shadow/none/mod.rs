@@ -58,5 +58,6 @@ pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> Sh
         light_space,
         report: BuildReport::default(),
         bound: None,
+        _pool: None,
     }
 }

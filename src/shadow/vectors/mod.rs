@@ -18,7 +18,7 @@ use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
 use crate::gpu::{
-    Constant, ShaderVariant, Slot, StorageBuffer, clamp_sampler, read_back, store_texture, uniform_buffer,
+    Constant, Read, ShaderVariant, Slot, StorageBuffer, clamp_sampler, store_texture, uniform_buffer,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -224,7 +224,9 @@ impl VectorMapDescriptor {
         slots.extend(params.as_ref().map(|params| (PARAMS_BINDING, context.kernels.uniform(params))));
         let stage =
             [(1, Slot::store(&atlas, self.storage.format())), (2, Slot::read_write(hit.as_entire_binding()))];
-        let span = tiles.run("map of vectors build", &self.build_shader(), &slots, &stage)?;
+        let read = Read { buffer: &hit, words: 1 };
+        let (span, texels_hit) =
+            tiles.run("map of vectors build", &self.build_shader(), &slots, &stage, Some(read))?;
 
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
         let filtered = self.hardware_filter();
@@ -245,7 +247,7 @@ impl VectorMapDescriptor {
             bytes: texels_stored * self.texel_bytes() + tiles.table_bytes(),
             bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
                 + tiles.table_bytes(),
-            texels_hit: Some(u64::from(read_back::<u32>(gpu, &hit, 1)?[0])),
+            texels_hit: texels_hit.first().map(|n| u64::from(*n)),
             tiles: tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_SIDE * TILE_SIDE) * self.texel_bytes(),
@@ -258,6 +260,7 @@ impl VectorMapDescriptor {
             light_space: tiles.light_space,
             report,
             bound: None,
+            _pool: None,
         })
     }
 }

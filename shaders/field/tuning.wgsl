@@ -1,12 +1,12 @@
-// Tuning for software adapters (llvmpipe), which SOFTWARE_ADAPTER selects; src/gpu/quirks.rs lists what the host does
-// for them.
-#define_import_path umbravox::quirks
+// Choices that depend on the type of the adapter; src/gpu/tuning.rs lists them and says why.
+#define_import_path umbravox::tuning
 
-// Number of steps after which lanes that have hit extinction do not wait for the other lanes of their subgroup (best
-// of 2, 4 and no limit on llvmpipe).
-const STEPS_TOGETHER: u32 = 4u;
+// Number of steps after which lanes that have hit extinction do not wait for the other lanes of their subgroup.
+const STEPS_TOGETHER: u32 = #{STEPS_TOGETHER};
+// Side of a workgroup in passes over shadow-map tiles, in texels.
+const WORKGROUP_SIDE: u32 = #{WORKGROUP_SIDE};
 
-#ifdef SOFTWARE_ADAPTER
+#ifdef SPREAD_WORKGROUPS
 // Returns the work item of workgroup i of n. llvmpipe gives its threads contiguous ranges of workgroups, and
 // neighbours cost alike. This order spreads each of up to 16 ranges over all of the work: it takes every second item
 // first, and each half in the same way, four times.

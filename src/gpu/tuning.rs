@@ -1,0 +1,213 @@
+//! Choices that make shaders fast on one type of graphics adapter, in one place, and limits on shader loops that
+//! software adapters require. `shaders/field/tuning.wgsl` is the counterpart in the shaders.
+//!
+//! Pictures and shadow maps do not depend on these choices. `UMBRAVOX_TUNING` replaces some of them, to measure each
+//! on its own.
+
+use crate::error::{Error, Result};
+
+/// Largest number of regular samples along a light ray. A sample takes up to 8 loop iterations; llvmpipe ends the
+/// loops of a shader invocation after 65,536 iterations in all, without an error. Like the next two limits, this one
+/// applies on every adapter, so that pictures do not depend on the adapter.
+pub const MAX_LIGHT_SAMPLES: u32 = 8192;
+/// Largest number of equal depth steps, summed over all light rays through one texel of a deep shadow map. A step
+/// takes about 6 loop iterations.
+pub const MAX_LATTICE_STEPS: u32 = 4096;
+/// Largest number of equal depth steps, summed over all light rays through one texel of a deep shadow map, if each
+/// step is marched cell by cell. This takes about 12 further loop iterations per step.
+pub const MAX_LATTICE_MARCHES: u32 = 3000;
+
+/// Name of the environment variable that replaces choices of [`Tuning`].
+const VARIABLE: &str = "UMBRAVOX_TUNING";
+/// Side of a square block of tiles whose tiles follow a Z-order curve ([`WorkOrder::Blocks`]).
+const BLOCK_SIDE: u32 = 8;
+
+/// Order in which the workgroups of a pass process tiles of a picture or of a shadow map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum WorkOrder {
+    /// Spreads neighbouring tiles over up to 16 contiguous parts of the order. Software adapters give each thread one
+    /// such part, and neighbouring tiles cost alike.
+    Spread,
+    /// Follows a Z-order curve inside square blocks of tiles, block after block. Workgroups that run at the same time
+    /// then read neighbouring voxels, which a graphics card keeps in its caches.
+    Blocks,
+}
+
+/// Choices that make shaders fast on one type of graphics adapter. They do not change results.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Tuning {
+    /// Number of steps of a ray march after which lanes of a subgroup that have hit extinction no longer wait for the
+    /// other lanes. On llvmpipe, 4 is the best of 2, 4 and no limit. Wide subgroups lose more by waiting: in a
+    /// lock-step model of 32 lanes, the lanes of a deep shadow map build are busy for 42 % of all steps with 4, for
+    /// 59 % with 2, and for 73 % with 1.
+    pub steps_together: u32,
+    /// Side of a workgroup in passes over shadow-map tiles, in texels. With 8, a subgroup of 32 lanes is a block of 8
+    /// x 4 texels; with 16, it is 16 x 2, whose rays diverge more.
+    pub workgroup_side: u32,
+    /// Order in which workgroups process tiles of a picture or of a shadow map.
+    pub order: WorkOrder,
+    /// Whether shaders read the table of transfer-function intervals as a storage buffer. Graphics cards read a
+    /// uniform once for each different index in a subgroup; software adapters read storage buffers lane by lane.
+    pub storage_tables: bool,
+    /// Whether shaders read the uniforms of bind groups 1 and 2 as storage buffers. llvmpipe compiles uniform values
+    /// into its code, which takes hundreds of milliseconds after each change (see [`Kernels::new`](super::Kernels)).
+    pub storage_uniforms: bool,
+    /// Whether passes use workgroup memory: for counters, so that one thread of a workgroup adds their sums to those
+    /// of the pass, and for the arrays of each thread, which would take registers. llvmpipe runs workgroups with
+    /// barriers more slowly.
+    pub workgroup_memory: bool,
+    /// Whether wgpu adds a limit of 2^64 iterations to each shader loop. All loops have limits of their own
+    /// ([`DeviceCounters`](super::DeviceCounters)).
+    pub bounded_loops: bool,
+    /// Whether texture sides avoid powers of two: llvmpipe recompiles a shader, for half a second, when a side becomes
+    /// a power of two or ceases to be one. Sides of shadow maps change while the camera moves.
+    pub odd_textures: bool,
+}
+
+impl Tuning {
+    /// Choices for software adapters, which run on the processor (llvmpipe, SwiftShader).
+    pub const SOFTWARE: Self = Self {
+        steps_together: 4,
+        workgroup_side: 16,
+        order: WorkOrder::Spread,
+        storage_tables: false,
+        storage_uniforms: false,
+        workgroup_memory: false,
+        bounded_loops: true,
+        odd_textures: true,
+    };
+    /// Choices for graphics cards.
+    pub const CARD: Self = Self {
+        steps_together: 1,
+        workgroup_side: 8,
+        order: WorkOrder::Blocks,
+        storage_tables: true,
+        storage_uniforms: false,
+        workgroup_memory: true,
+        bounded_loops: false,
+        odd_textures: false,
+    };
+
+    /// Returns the choices for a graphics adapter. The environment variable `UMBRAVOX_TUNING` replaces some of them.
+    ///
+    /// # Errors
+    /// The variable has an unknown name or value.
+    pub(super) fn of(info: &wgpu::AdapterInfo) -> Result<Self> {
+        let own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
+        match std::env::var(VARIABLE) {
+            Ok(text) => own.with(&text),
+            Err(_) => Ok(own),
+        }
+    }
+
+    /// Replaces choices by those of a text such as `card,steps=2,tables=uniform`, from left to right. `card` and
+    /// `software` replace all choices.
+    ///
+    /// # Errors
+    /// The text has an unknown name or value.
+    pub fn with(mut self, text: &str) -> Result<Self> {
+        for item in text.split(',').map(str::trim).filter(|item| !item.is_empty()) {
+            match item {
+                "software" => self = Self::SOFTWARE,
+                "card" => self = Self::CARD,
+                "steps=1" => self.steps_together = 1,
+                "steps=2" => self.steps_together = 2,
+                "steps=4" => self.steps_together = 4,
+                "steps=8" => self.steps_together = 8,
+                "workgroup=8" => self.workgroup_side = 8,
+                "workgroup=16" => self.workgroup_side = 16,
+                "order=spread" => self.order = WorkOrder::Spread,
+                "order=blocks" => self.order = WorkOrder::Blocks,
+                "tables=uniform" => self.storage_tables = false,
+                "tables=storage" => self.storage_tables = true,
+                "memory=private" => self.workgroup_memory = false,
+                "memory=workgroup" => self.workgroup_memory = true,
+                "loops=bounded" => self.bounded_loops = true,
+                "loops=own" => self.bounded_loops = false,
+                _ => {
+                    let why = format!("`{item}` is not a choice");
+                    return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
+                        "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, \
+                         tables=uniform|storage, memory=private|workgroup, loops=bounded|own",
+                    ));
+                }
+            }
+        }
+        Ok(self)
+    }
+
+    /// Returns the names that these choices define for `#ifdef` in WGSL.
+    pub(super) fn defs(&self) -> impl Iterator<Item = &'static str> {
+        let defs = [
+            (self.order == WorkOrder::Spread, "SPREAD_WORKGROUPS"),
+            (self.workgroup_memory, "WORKGROUP_MEMORY"),
+        ];
+        defs.into_iter().filter_map(|(on, name)| on.then_some(name))
+    }
+
+    /// Returns the constants of these choices, to which WGSL code refers as `#{NAME}`.
+    pub(super) fn constants(&self) -> [(&'static str, u32); 2] {
+        [("STEPS_TOGETHER", self.steps_together), ("WORKGROUP_SIDE", self.workgroup_side)]
+    }
+}
+
+impl WorkOrder {
+    /// Returns the positions of a grid of tiles, in the order in which their workgroups are listed. `Spread` lists
+    /// rows; `spread_rows` and `workgroup_item` in the shaders spread them.
+    pub fn positions(self, [across, down]: [u32; 2]) -> Box<dyn Iterator<Item = [u32; 2]>> {
+        match self {
+            Self::Spread => Box::new((0..down).flat_map(move |y| (0..across).map(move |x| [x, y]))),
+            Self::Blocks => {
+                let [columns, rows] = [across, down].map(|n| n.div_ceil(BLOCK_SIDE));
+                let blocks = (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y]));
+                let inside = |[x, y]: [u32; 2]| {
+                    (0..BLOCK_SIDE * BLOCK_SIDE).map(move |i| {
+                        let bit = |k: u32| (i >> k) & 1;
+                        let [u, v] = [0, 1].map(|k| bit(k) | bit(k + 2) << 1 | bit(k + 4) << 2);
+                        [x * BLOCK_SIDE + u, y * BLOCK_SIDE + v]
+                    })
+                };
+                Box::new(blocks.flat_map(inside).filter(move |[x, y]| *x < across && *y < down))
+            }
+        }
+    }
+
+    /// Reorders rows of workgroups with [`Self::Spread`], so that each of up to 16 threads gets rows from all parts of
+    /// the picture, like `workgroup_item` in the shaders.
+    pub fn spread_rows(self, rows: &mut [u32]) {
+        if self == Self::Spread {
+            rows.sort_by_key(|y| (*y as u8 & 15).reverse_bits());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_replace_choices_from_left_to_right() {
+        let changed = Tuning::CARD.with("software, steps=2,tables=storage").unwrap();
+        assert_eq!(changed, Tuning { steps_together: 2, storage_tables: true, ..Tuning::SOFTWARE });
+        assert_eq!(Tuning::SOFTWARE.with("").unwrap(), Tuning::SOFTWARE);
+        for bad in ["steps=3", "fast", "order", "tables=uniform;card"] {
+            let error = Tuning::CARD.with(bad).unwrap_err();
+            assert!(error.exit_status() == 2 && error.to_string().contains("UMBRAVOX_TUNING"), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_order_lists_every_tile_once() {
+        for size in [[1, 1], [8, 8], [9, 3], [33, 17]] {
+            for order in [WorkOrder::Spread, WorkOrder::Blocks] {
+                let mut all: Vec<_> = order.positions(size).collect();
+                all.sort_unstable();
+                all.dedup();
+                assert_eq!(all.len() as u32, size[0] * size[1]);
+                assert!(all.iter().all(|[x, y]| *x < size[0] && *y < size[1]));
+            }
+        }
+        let first: Vec<_> = WorkOrder::Blocks.positions([16, 16]).take(8).collect();
+        assert_eq!(first, [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [3, 0], [2, 1], [3, 1]]);
+    }
+}
