@@ -1,6 +1,6 @@
 // Fills tiles of a picture that show only the background.
 
-#import umbravox::frame::{frame, picture, tiles, pixel_of}
+#import umbravox::frame::{frame, picture, background_pixel}
 
 @compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
 fn fill(
@@ -8,7 +8,7 @@ fn fill(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    let pixel = pixel_of(group, groups, local, frame.tiles_cast, arrayLength(&tiles));
+    let pixel = background_pixel(group, groups, local);
     if !pixel.inside { return; }
     picture[pixel.index] = vec4<f32>(frame.background, 0.0);
 }

@@ -12,7 +12,7 @@
 //       from the light to a grid-space point of the domain; 1 if nothing lies between. Its bindings are in group 1
 //       from binding 1 on; binding 0 is the light space for all methods.
 
-#import umbravox::frame::{frame, picture, pixel_of}
+#import umbravox::frame::{frame, picture, ray_pixel}
 #import umbravox::field::{field, value_at, FAR}
 #import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #ifdef RESUMABLE
@@ -23,6 +23,7 @@
 #import umbravox::work::{count_work, add_divergence, add_work, LOOKUPS}
 #ifdef SHADOWS
 #import umbravox::tuning::STEPS_TOGETHER
+#import umbravox::mean_light::mean_light
 #ifdef MESH
 #import umbravox::mesh_light::light_at
 #else
@@ -78,7 +79,6 @@ const UNSEEN_PART: f32 = 4.0;
 const MAX_PARTS: f32 = 16.0;
 // Fraction of all visible light along the eye ray at which a light interval is complete.
 const COMPLETE_INTERVAL: f32 = 0.15;
-const DARKEST: f32 = 1e-6;
 // Largest number of iterations for a sample: one step, one test of thickness, four for each part, and a reserve.
 const ITERATIONS_A_SAMPLE: u32 = 72u;
 
@@ -320,15 +320,6 @@ struct KnownLight {
     light: f32,
 }
 
-// Returns the mean transmittance from the light over a stretch of the eye ray. It goes from a to b as an exponential
-// of the optical depth to the eye: exact for any layered medium and any step.
-fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
-    let x = depth + log(max(a, DARKEST) / max(b, DARKEST));
-    let lit = select((1.0 - exp(-x)) / x, 1.0 - 0.5 * x, abs(x) < 1e-3);
-    let unlit = select((1.0 - exp(-depth)) / depth, 1.0 - 0.5 * depth, depth < 1e-3);
-    return a * lit / unlit;
-}
-
 // Queries the transmittance from the light at one end of a complete interval, adds the light that reaches the eye to
 // `color`, and empties the interval. If the start is not known yet, it queries the start and keeps the interval.
 fn light_interval(
@@ -367,7 +358,7 @@ fn raycast(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    let pixel = pixel_of(group, groups, local, 0u, frame.tiles_cast);
+    let pixel = ray_pixel(group, groups, local);
     if !pixel.inside { return; }
     let index = pixel.index;
     var ray = eye_ray(pixel.at, pixel.nearest_mm, pixel.farthest_mm);

@@ -3,13 +3,13 @@
 
 use super::fold::FoldUniform;
 use super::merged_function::MergedFunction;
+use super::transfer_textures::{color_integrals, distance_texture, no_pairs, row_texture};
 use super::{
     ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, grid_from_world, marches_cells,
 };
 use crate::error::{Error, Result};
 use crate::gpu::{
-    Gpu, Group, ShaderVariant, Slot, clamp_sampler, solid_texture, table_texture, uniform_buffer,
-    write_texels,
+    Gpu, Group, ShaderVariant, Slot, StorageBuffer, clamp_sampler, table_texture, uniform_buffer,
 };
 use crate::transfer::{
     ClipPlane, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
@@ -99,6 +99,8 @@ pub struct DeviceTransfer {
     /// Bind group 0 of the shaders that do not read the lookup table of transfer-function breakpoints.
     plain_group: Group,
     march: OnceLock<MarchTable>,
+    /// Number and positions of the outer active bricks on the device.
+    outer_bricks: OnceLock<(u32, wgpu::Buffer)>,
     /// Transfer function from which the lookup tables on the device were computed.
     tf: TransferFunction,
     mapping: TexelMapping,
@@ -220,6 +222,7 @@ impl DeviceTransfer {
             uniform,
             bindings,
             march: OnceLock::new(),
+            outer_bricks: OnceLock::new(),
             mapping: on_device.mapping,
             largest_texel: merged.largest_texel,
             labelled: !merged.shifts.is_empty(),
@@ -268,6 +271,7 @@ impl DeviceTransfer {
             uniform,
             bindings,
             march,
+            outer_bricks: self.outer_bricks.clone(),
             tf: self.tf.clone(),
             ..*self
         })
@@ -312,6 +316,25 @@ impl DeviceTransfer {
         }))
     }
 
+    /// Returns the number and the positions of the outer active bricks (blocks of cells with extinction) on the device;
+    /// the first call uploads them. A position has two words: x and y in 16 bits each, then z.
+    ///
+    /// # Errors
+    /// The device is out of memory.
+    pub fn outer_bricks(&self, gpu: &Gpu) -> Result<(u32, &wgpu::Buffer)> {
+        let (count, positions) = match self.outer_bricks.get() {
+            Some(made) => made,
+            None => {
+                let outer = self.active.outer();
+                let words = outer.iter().map(|at| [at.x as u32 | (at.y as u32) << 16, at.z as u32]);
+                let words: Vec<[u32; 2]> = words.collect();
+                let made = (outer.len() as u32, StorageBuffer::from_slice(gpu, "outer bricks", &words)?);
+                self.outer_bricks.get_or_init(|| made)
+            }
+        };
+        Ok((*count, positions))
+    }
+
     /// Returns bind group 0, which holds the volume, the transfer function, and the distance of every brick to the
     /// nearest active brick (block of cells with extinction).
     pub fn group(&self) -> &Group {
@@ -339,12 +362,6 @@ impl DeviceTransfer {
 /// Returns the linear RGB colour of the transfer function, if it has one colour wherever it has extinction.
 fn one_color(tf: &TransferFunction, disabled: DisabledOptimizations) -> Option<[f32; 3]> {
     tf.one_color().filter(|_| !disabled.has(Optimization::Colors)).map(|color| color.map(|c| c as f32))
-}
-
-/// Returns a texture of one texel in place of the lookup table of transfer-function breakpoints, for pipelines that
-/// do not read the table.
-fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
-    table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
 }
 
 fn field_uniform(
@@ -397,29 +414,6 @@ fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLAN
         *plane = (normal.extend(offset) / normal.length()).as_vec4().to_array();
     }
     planes
-}
-
-/// Creates the lookup table of the transfer function's colour integrals over the voxel value. With only one colour,
-/// it is a single texel.
-fn color_integrals(
-    gpu: &Gpu,
-    tables: &TransferTables,
-    one_color: Option<[f32; 3]>,
-) -> Result<wgpu::TextureView> {
-    let texels = if one_color.is_some() { &[[0.0; 4]][..] } else { &tables.integrals };
-    row_texture(gpu, "transfer integrals", texels)
-}
-
-fn row_texture(gpu: &Gpu, label: &str, texels: &[[f32; 4]]) -> Result<wgpu::TextureView> {
-    table_texture(gpu, label, wgpu::TextureFormat::Rgba32Float, [texels.len() as u32, 1], texels)
-}
-
-fn distance_texture(gpu: &Gpu, active: &ActiveBricks, disabled: DisabledOptimizations) -> wgpu::TextureView {
-    let none_empty = disabled.has(Optimization::Bricks).then(|| vec![0; active.distance.len()]);
-    let counts = active.counts.map(|n| n as u32);
-    let texture = solid_texture(gpu, "brick distances", wgpu::TextureFormat::R8Uint, counts);
-    write_texels(gpu, &texture, [0; 3], counts, none_empty.as_ref().unwrap_or(&active.distance));
-    texture.create_view(&Default::default())
 }
 
 #[cfg(test)]

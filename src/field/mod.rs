@@ -21,6 +21,7 @@ mod shader;
 mod strand_lines;
 mod tile_march;
 mod tile_pace;
+mod transfer_textures;
 mod view;
 
 pub use active_bricks::{ActiveBricks, extinction_intervals};

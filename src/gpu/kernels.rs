@@ -11,6 +11,17 @@ use std::sync::{Arc, Mutex};
 /// Cache key of a compiled compute pipeline: its shader variant and the layouts of its bind groups.
 type PipelineKey = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
 
+/// Compute pass of a submission: shader, bind groups and number of workgroups along each axis.
+#[derive(Clone, Copy)]
+pub struct DevicePass<'a> {
+    /// Shader of the pass.
+    pub variant: &'a ShaderVariant,
+    /// Bind groups of the pass, from group 0 on.
+    pub groups: &'a [&'a Group],
+    /// Number of workgroups along each axis. The pass is skipped if one of them is 0.
+    pub workgroups: [u32; 3],
+}
+
 /// Graphics device with a cache of its compiled compute pipelines.
 pub struct Kernels {
     gpu: Gpu,
@@ -138,26 +149,26 @@ impl Kernels {
         size: [u32; 3],
         reads: &[Read<'_>],
     ) -> Result<(Span, Vec<Vec<u32>>)> {
-        self.run_all(label, &[(variant, size)], groups, reads)
+        self.run_all(label, &[DevicePass { variant, groups, workgroups: size }], reads)
     }
 
-    /// Runs compute pipelines one after another with the same bind groups in one submission, and waits until they are
-    /// done. Returns the duration, and the words that `reads` requests.
+    /// Runs compute pipelines one after another in one submission, and waits until they are done. Returns the duration, and the words that `reads` requests.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
     pub fn run_all(
         &self,
         label: &str,
-        passes: &[(&ShaderVariant, [u32; 3])],
-        groups: &[&Group],
+        passes: &[DevicePass<'_>],
         reads: &[Read<'_>],
     ) -> Result<(Span, Vec<Vec<u32>>)> {
-        let useful = passes.iter().filter(|(_, size)| size.iter().all(|n| *n > 0));
-        let pipelines = useful.map(|(variant, size)| Ok((self.pipeline(variant, groups)?, *size)));
+        let useful = passes.iter().filter(|pass| pass.workgroups.iter().all(|n| *n > 0));
+        let pipelines = useful.map(|pass| Ok((self.pipeline(pass.variant, pass.groups)?, pass)));
         let pipelines = pipelines.collect::<Result<Vec<_>>>()?;
-        let record_all = |pass: &mut wgpu::ComputePass<'_>| {
-            pipelines.iter().for_each(|(pipeline, size)| record(pass, pipeline, groups, *size));
+        let record_all = |recorded: &mut wgpu::ComputePass<'_>| {
+            for (pipeline, pass) in &pipelines {
+                record(recorded, pipeline, pass.groups, pass.workgroups);
+            }
         };
         self.timer.compute(&self.gpu, label, record_all, reads)
     }

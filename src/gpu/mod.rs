@@ -20,7 +20,7 @@ pub use buffers::{StorageBuffer, read_back, uniform_buffer};
 pub use clock_rate::ClockRate;
 pub use counters::{DeviceCounters, MAX_BLOCKS, WORK_KINDS, WORK_WORDS, Work};
 pub use device::{DeviceLoss, Gpu, texture_side};
-pub use kernels::Kernels;
+pub use kernels::{DevicePass, Kernels};
 #[cfg(test)]
 pub(crate) use layout_tests::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;

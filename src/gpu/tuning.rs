@@ -20,7 +20,7 @@ pub const MAX_LATTICE_MARCHES: u32 = 3000;
 /// Name of the environment variable that replaces choices of [`Tuning`].
 const VARIABLE: &str = "UMBRAVOX_TUNING";
 /// Side of a square block of tiles whose tiles follow a Z-order curve ([`WorkOrder::Blocks`]).
-const BLOCK_SIDE: u32 = 8;
+pub const BLOCK_SIDE: u32 = 8;
 
 /// Order in which the workgroups of a pass process tiles of a picture or of a shadow map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -46,6 +46,9 @@ pub struct Tuning {
     pub workgroup_side: u32,
     /// Order in which workgroups process tiles of a picture or of a shadow map.
     pub order: WorkOrder,
+    /// Whether a pass on the device projects bricks into the picture, instead of the host: for large volumes the host
+    /// takes milliseconds, and software adapters run on the host anyway.
+    pub device_tiles: bool,
     /// Whether shaders read the table of transfer-function intervals as a storage buffer. Graphics cards read a
     /// uniform once for each different index in a subgroup; software adapters read storage buffers lane by lane.
     pub storage_tables: bool,
@@ -70,6 +73,7 @@ impl Tuning {
         steps_together: 4,
         workgroup_side: 16,
         order: WorkOrder::Spread,
+        device_tiles: false,
         storage_tables: false,
         storage_uniforms: false,
         workgroup_memory: false,
@@ -81,6 +85,7 @@ impl Tuning {
         steps_together: 1,
         workgroup_side: 8,
         order: WorkOrder::Blocks,
+        device_tiles: true,
         storage_tables: true,
         storage_uniforms: false,
         workgroup_memory: true,
@@ -118,6 +123,8 @@ impl Tuning {
                 "workgroup=16" => self.workgroup_side = 16,
                 "order=spread" => self.order = WorkOrder::Spread,
                 "order=blocks" => self.order = WorkOrder::Blocks,
+                "tiles=host" => self.device_tiles = false,
+                "tiles=device" => self.device_tiles = true,
                 "tables=uniform" => self.storage_tables = false,
                 "tables=storage" => self.storage_tables = true,
                 "memory=private" => self.workgroup_memory = false,
@@ -127,7 +134,7 @@ impl Tuning {
                 _ => {
                     let why = format!("`{item}` is not a choice");
                     return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
-                        "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, \
+                        "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, tiles=host|device, \
                          tables=uniform|storage, memory=private|workgroup, loops=bounded|own",
                     ));
                 }

@@ -111,11 +111,7 @@ pub fn time(
         let times: Vec<_> = timed.rounds.iter().map(|(_, times)| *times).collect();
         let timing = Timing::of(&times)?;
         timed.compared.row.set_timing(&timing);
-        if timing.unsteady > 0 {
-            let note =
-                format!("{} of {} timed runs were not steady within 5 %", timing.unsteady, timing.repeats);
-            timed.compared.row.add_note(&note);
-        }
+        timed.compared.row.note_unsteady(&timing);
         let mut runs: Vec<_> = timed.rounds.iter().map(|(run, _)| run).collect();
         runs.dedup();
         if runs.len() > 1 {

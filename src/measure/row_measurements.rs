@@ -26,6 +26,15 @@ impl Row {
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
     }
 
+    /// Adds a note if device times of repeated runs did not agree.
+    pub fn note_unsteady(&mut self, timing: &Timing) {
+        if timing.unsteady > 0 {
+            let note =
+                format!("{} of {} timed runs were not steady within 5 %", timing.unsteady, timing.repeats);
+            self.add_note(&note);
+        }
+    }
+
     /// Sets the comparison table columns `point_err_*`, the transmittance errors at points visible to the camera.
     pub fn set_point_errors(&mut self, stats: &ErrorStats) {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =

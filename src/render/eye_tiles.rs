@@ -3,17 +3,18 @@
 //!
 //! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find the start and end of each ray. Here the
 //! host projects the outer active bricks as spheres, and all rays of a tile share their bounds. Tiles of background
-//! are not cast, and rays start behind empty space.
+//! are not cast, and rays start behind empty space. On graphics cards [`super::device_tiles`] does this.
 
+use super::brick_projection::{BrickProjection, PIXELS_AROUND};
 use super::mesh::box_corners;
 use super::shader::PICTURE_SIDE;
-use crate::field::{ActiveBricks, FAR, grid_from_world};
+use crate::field::{ActiveBricks, FAR};
 use crate::gpu::WorkOrder;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
-use crate::volume::{BRICK_CELLS, Volume};
+use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec2, DVec3, IVec3};
+use glam::{DMat3, DVec2, IVec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -26,13 +27,8 @@ pub(super) struct TileUniform {
     pub farthest_mm: f32,
 }
 
-/// Factor by which the bounding spheres of bricks (blocks of voxel cells) are enlarged, for the float32 errors of eye
-/// rays.
-const ROUNDING: f64 = 1.01;
 /// Number of bricks (blocks of voxel cells) that a thread projects into the picture as one parallel task.
 const LEAST_SHARE: usize = 1 << 11;
-/// Margin around the projection of a brick (block of voxel cells) into the picture, in pixels.
-const PIXELS_AROUND: f64 = 1.0;
 
 /// Tiles of a picture, row by row, each with the depth range of its active bricks (blocks of cells with extinction).
 #[derive(Debug, Clone, PartialEq)]
@@ -80,26 +76,11 @@ impl EyeTiles {
     /// Finds the tiles of a picture in which active bricks (blocks of cells with extinction) may be visible, and
     /// their depth ranges. Depths count from a plane across the view at `plane_mm` from the eye.
     pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
-        let frame = scene.camera.frame();
-        let grid_from_world = grid_from_world(volume);
-        let world_from_grid = grid_from_world.inverse();
-        // World vectors in the camera's axes, mm.
-        let axes = DMat3::from_cols(frame.right, frame.up, frame.forward).transpose();
-        let brick = axes * world_from_grid.matrix3 * BRICK_CELLS as f64;
-        let first = axes
-            * (world_from_grid.transform_point3(DVec3::splat(0.5 * BRICK_CELLS as f64)) - scene.camera.eye);
-        let diagonals = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
-        let radius =
-            diagonals.map(|[y, z]| (brick * DVec3::new(1.0, y, z)).length()).into_iter().fold(0.0, f64::max);
-        let radius = 0.5 * ROUNDING * radius;
-        // An eye among active bricks sees the inner ones as well.
-        let eye = grid_from_world.transform_point3(scene.camera.eye) / BRICK_CELLS as f64;
-        let inside = active.distance_at(eye.floor().as_ivec3()).is_some_and(|d| d <= 1);
-        let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
-        let [width, height] = [scene.width, scene.height].map(f64::from);
-        let pixels_per_tangent = [0.5 * width / (up * width / height), 0.5 * height / up];
+        let BrickProjection { brick, first_center, radius_mm: radius, inside, pixels_per_tangent, size } =
+            BrickProjection::of(scene, volume, active);
+        let [width, height] = size;
         let mark = |tiles: &mut Self, at: &IVec3| {
-            let center = first + brick * at.as_dvec3();
+            let center = first_center + brick * at.as_dvec3();
             let [near, far] = [center.z - radius, center.z + radius];
             if far <= 0.0 {
                 return;
@@ -116,7 +97,7 @@ impl EyeTiles {
             };
             let columns = range(center.x, pixels_per_tangent[0], width);
             let rows = range(-center.y, pixels_per_tangent[1], height);
-            tiles.mark(columns, rows, [width, height], depths);
+            tiles.mark(columns, rows, size, depths);
         };
         let none = || Self::filled(scene, NOTHING);
         let share = |bricks: &[IVec3]| {
@@ -190,6 +171,12 @@ impl EyeTiles {
         self
     }
 
+    /// Returns the depth range of each tile, row by row; the smallest exceeds the largest in an empty tile.
+    #[cfg(test)]
+    pub fn depths(&self) -> &[[f32; 2]] {
+        &self.depths
+    }
+
     /// Returns the number of all tiles of the picture, and the number of tiles in which nothing is visible.
     pub fn counts(&self) -> [usize; 2] {
         [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]
@@ -223,9 +210,12 @@ impl EyeTiles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::grid_from_world;
     use crate::phantom::Phantom;
     use crate::scene::Camera;
     use crate::transfer::{Quantity, TransferFunction};
+    use crate::volume::BRICK_CELLS;
+    use glam::DVec3;
 
     /// Asserts that each eye ray meets bricks with extinction only within the depth range of its picture tile.
     fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {

@@ -1,6 +1,8 @@
 //! Volume rendering by eye rays: the plan of a picture, ray casting, display on the screen, queries for
 //! transmittance, and the renderer that keeps data between pictures.
 
+mod brick_projection;
+mod device_tiles;
 mod display;
 mod eye_tiles;
 mod framing;
@@ -35,7 +37,12 @@ pub fn shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = plan::raycast_shaders(lookup);
     list.extend(lookup.map(query::shader));
     if lookup.is_none() {
-        list.extend([display::shader(), picture::background_shader()]);
+        list.extend([
+            display::shader(),
+            shader::background_shader(false),
+            shader::background_shader(true),
+            device_tiles::project_shader(),
+        ]);
     }
     list
 }

@@ -1,21 +1,24 @@
 //! Renders pictures by ray casting, band of rows by band of rows, into host memory. [`super::display`] draws pictures
 //! into the textures of a window.
 
-use super::eye_tiles::EyeTiles;
 use super::lights::{LightMaps, LightPass};
 use super::pace::{AtOnce, Pace, Pacing};
-use super::plan::plane_distance_mm;
-use super::shader::{CONSTANTS, PICTURE_SIDE};
+use super::plan::{PictureTiles, plane_distance_mm};
+use super::shader::{PICTURE_SIDE, background_shader};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeviceDirections, DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
-use crate::gpu::{Group, Read, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
+use crate::gpu::tuning::BLOCK_SIDE;
+use crate::gpu::{
+    DevicePass, Gpu, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer,
+};
 use crate::scene::{LightSource, Scene, Shading};
 use crate::shadow::ShadowMap;
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use ndarray::Array3;
+use std::cell::Cell;
 use std::time::Instant;
 
 /// Uniform of the camera, the light and the background of a picture: `Frame` of `shaders/render/frame.wgsl`.
@@ -42,6 +45,8 @@ struct FrameUniform {
     pub padding_c: f32,
     pub light: [f32; 3],
     pub adds: u32,
+    pub first_tile: [u32; 2],
+    pub part_tiles: [u32; 2],
 }
 
 /// Rendered picture in host memory, with the time to draw it and the plan of needed and skipped work.
@@ -144,19 +149,21 @@ impl Renderer {
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
         let start = Instant::now();
-        let (plan, tiles) = Plan::of(scene, loaded, transfer, maps);
+        let (mut plan, tiles) = Plan::of(scene, loaded, transfer, maps, &self.kernels)?;
+        let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
         for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
             let shadow = maps[map];
-            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some());
+            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
             let shader = transfer.prepared(self.gpu(), shader)?;
             passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
         }
         let mesh =
             scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
         let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
-        let caster = Caster { loaded, transfer, scene, tiles, passes, mesh, directions };
+        let counts = Cell::new(None);
+        let caster = Caster { loaded, transfer, scene, tiles, counts, passes, mesh, directions };
         let (width, height) = (scene.width, scene.height);
         // The adapter has to bind the buffer of a band.
         let row_bytes = u64::from(width) * 16;
@@ -187,6 +194,7 @@ impl Renderer {
             }
             first_row += rows;
         }
+        caster.counts.get().into_iter().for_each(|counts| plan.skip_tiles(counts));
         Ok(Some((plan, span, host_ms)))
     }
 
@@ -212,30 +220,34 @@ impl Renderer {
         while first_column < width {
             let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
             let columns = pixels_to_columns(budget, rows).min(width - first_column);
-            let (tiles, cast) =
-                caster.tiles.part([first_column, first_row], [columns, rows], self.gpu().tuning.order);
-            let left_out = tiles.len() as u32 - cast;
-            let tiles = StorageBuffer::from_slice(self.gpu(), "tiles of the picture", &tiles)?;
+            let tiles = caster.part(self.gpu(), [first_column, first_row], [columns, rows])?;
             let mut part: Option<Span> = None;
             for (i, pass) in caster.passes.iter().enumerate() {
                 if resumable && i > 0 {
                     self.gpu().queue.write_buffer(&progress, 0, bytemuck::cast_slice(&start));
                 }
-                let uniform = FrameUniform { first_row, rows, tiles_cast: cast, ..caster.frame_uniform(i) };
+                let uniform = FrameUniform {
+                    first_row,
+                    rows,
+                    tiles_cast: tiles.cast,
+                    first_tile: [first_column, first_row].map(|n| n / PICTURE_SIDE),
+                    part_tiles: [columns, rows].map(|n| n.div_ceil(PICTURE_SIDE)),
+                    ..caster.frame_uniform(i)
+                };
                 let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
                 let stage = [
                     (0, self.kernels.uniform(&uniform)),
                     (1, Slot::read_write(buffer.as_entire_binding())),
                     (2, Slot::read_write(progress.as_entire_binding())),
-                    (3, Slot::read(tiles.as_entire_binding())),
+                    (3, Slot::read(tiles.buffer.as_entire_binding())),
                 ];
                 let strands = caster.directions.map(DeviceDirections::slots);
                 let stage: Vec<_> =
                     stage.into_iter().chain((4..).zip(strands.into_iter().flatten())).collect();
                 let stage = self.kernels.group("frame", &stage);
                 // The first pass draws the background.
-                let left_out = if i == 0 { left_out } else { 0 };
-                let took = self.cast_part(caster, pass, &stage, [left_out, cast], &progress)?;
+                let left_out = if i == 0 { tiles.left_out } else { 0 };
+                let took = self.cast_part(caster, pass, &stage, [left_out, tiles.cast], &progress)?;
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
             if let Some(took) = part {
@@ -260,15 +272,29 @@ impl Renderer {
         let groups = [caster.transfer.group(), &pass.shadow.group, stage];
         let groups: Vec<_> = groups.into_iter().chain(&caster.mesh).collect();
         let mut part: Option<Span> = None;
-        let background = background_shader();
+        let background = background_shader(matches!(caster.tiles, PictureTiles::OnDevice(_)));
         let [left_out, cast] = tiles.map(workgroups);
-        let passes = [(&background, left_out), (&pass.shader, cast)];
+        let fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
+        let rays = DevicePass { variant: &pass.shader, groups: &groups, workgroups: cast };
         loop {
             let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
-            let (took, reads) = self.kernels.run_all("ray cast", &passes, &groups, unfinished.as_slice())?;
+            let mut reads = unfinished.as_slice().to_vec();
+            let (took, words) = match &caster.tiles {
+                // The first submission also finds the tiles.
+                PictureTiles::OnDevice(tiles) if caster.counts.get().is_none() => {
+                    reads.push(tiles.read());
+                    let ran = tiles.with_pass(|project| {
+                        self.kernels.run_all("ray cast", &[project, fill, rays], &reads)
+                    })?;
+                    let head = ran.1.last().map_or(&[][..], |words| words);
+                    caster.counts.set(Some(tiles.counts(head)));
+                    ran
+                }
+                _ => self.kernels.run_all("ray cast", &[fill, rays], &reads)?,
+            };
             let so_far = part.map_or(took, |s| s.plus(took));
             part = Some(so_far);
-            if reads.iter().flatten().all(|unfinished| *unfinished == 0) {
+            if !pass.resumable || words[0][0] == 0 {
                 return Ok(so_far);
             }
             self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());
@@ -281,7 +307,9 @@ struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
     scene: &'a Scene,
-    tiles: EyeTiles,
+    tiles: PictureTiles,
+    /// Number of all tiles of the picture and of empty ones, once the device has found them.
+    counts: Cell<Option<[usize; 2]>>,
     passes: Vec<Pass<'a>>,
     /// Bind group 3 with the triangles of the scene's mesh, if there is one.
     mesh: Option<Group>,
@@ -289,7 +317,33 @@ struct Caster<'a> {
     directions: Option<&'a DeviceDirections>,
 }
 
+/// Tiles of the part of a picture that one submission draws.
+struct PartTiles {
+    /// List of tiles, or depth ranges of all tiles of the picture.
+    buffer: wgpu::Buffer,
+    /// Number of workgroups that cast eye rays, and of those that fill tiles with the background.
+    cast: u32,
+    left_out: u32,
+}
+
 impl Caster<'_> {
+    /// Returns the tiles of a part of the picture, which begins at a pixel and has a size in pixels.
+    fn part(&self, gpu: &Gpu, first: [u32; 2], size: [u32; 2]) -> Result<PartTiles> {
+        match &self.tiles {
+            PictureTiles::Listed(tiles) => {
+                let (list, cast) = tiles.part(first, size, gpu.tuning.order);
+                let left_out = list.len() as u32 - cast;
+                let buffer = StorageBuffer::from_slice(gpu, "tiles of the picture", &list)?;
+                Ok(PartTiles { buffer, cast, left_out })
+            }
+            PictureTiles::OnDevice(tiles) => {
+                let [across, down] = size.map(|n| n.div_ceil(PICTURE_SIDE).div_ceil(BLOCK_SIDE));
+                let cast = across * down * BLOCK_SIDE.pow(2);
+                Ok(PartTiles { buffer: tiles.depths().clone(), cast, left_out: cast })
+            }
+        }
+    }
+
     /// Returns the uniform of one rendering pass over a picture. The first pass draws the ambient light and the
     /// background; later passes add their light to it.
     fn frame_uniform(&self, pass: usize) -> FrameUniform {
@@ -334,10 +388,6 @@ fn workgroups(tiles: u32) -> [u32; 3] {
     }
 }
 
-pub(super) fn background_shader() -> ShaderVariant {
-    ShaderVariant::of("render/background.wgsl").modules(&["render/frame.wgsl"]).constants(CONSTANTS)
-}
-
 /// Returns the uniform of a picture's camera and scene, with the values that do not differ between submissions.
 fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
@@ -380,7 +430,7 @@ mod tests {
         assert_layout!(shader, "Tile", TileUniform: at, nearest_mm, farthest_mm);
         assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
             ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
-            tiles_cast, world_z, light, adds);
+            tiles_cast, world_z, light, adds, first_tile, part_tiles);
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! Plan of a picture: the work that its scene needs, such as queries for transmittance, and the work that is skipped.
 //! `--explain` prints the plan.
 
+use super::device_tiles::DeviceTiles;
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
-use super::shader::CONSTANTS;
+use super::shader::{CONSTANTS, DEVICE_TILES};
+use crate::error::Result;
 use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Optimization, View, field_shader};
-use crate::gpu::ShaderVariant;
+use crate::gpu::{Kernels, ShaderVariant};
 use crate::scene::{LightSource, Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
 use crate::transfer::{PAIR_BINS, TABLE_BINS};
@@ -57,13 +59,27 @@ pub struct Plan {
     pub mesh: bool,
     /// List of the work that is skipped for this picture, since its scene does not need it.
     pub left_out: Vec<Omission>,
+    /// Place in the list of skipped work for the tiles of the picture in which nothing is visible.
+    tiles_place: usize,
+}
+
+/// Tiles of a picture in which eye rays are cast, with their depth ranges.
+pub(super) enum PictureTiles {
+    /// Tiles that the host has found.
+    Listed(EyeTiles),
+    /// Tiles that a pass on the device finds.
+    OnDevice(DeviceTiles),
 }
 
 /// Decides, before any shadow map is built, whether a visible point of a scene may lie in shadow.
 ///
 /// # Errors
 /// Returns the reason why no visible point is in shadow.
-pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
+pub fn needs_shadows(
+    scene: &Scene,
+    volume: &Volume,
+    transfer: &DeviceTransfer,
+) -> std::result::Result<(), &'static str> {
     if transfer.disabled.has(Optimization::Shadows) {
         return Ok(());
     }
@@ -97,13 +113,17 @@ pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
 
 impl Plan {
     /// Plans a picture with the given shadow maps: decides which work is skipped, and finds the tiles of the picture
-    /// in which eye rays are cast.
+    /// in which eye rays are cast, or prepares the pass that finds them on the device.
+    ///
+    /// # Errors
+    /// The device is out of memory.
     pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         maps: &[&ShadowMap],
-    ) -> (Self, EyeTiles) {
+        kernels: &Kernels,
+    ) -> Result<(Self, PictureTiles)> {
         let disabled = transfer.disabled;
         let mut left_out = Omissions(Vec::new());
         if transfer.one_color {
@@ -131,25 +151,8 @@ impl Plan {
             let saved = Some(format!("{share:.1} % of the volume"));
             left_out.add(what, "no extinction in them", saved, Some(Optimization::Bricks));
         }
-        let plane_mm = plane_distance_mm(scene, &loaded.volume);
-        let tiles = match scene.skip == Skip::Bricks && !disabled.has(Optimization::EyeTiles) {
-            true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
-            false => EyeTiles::all(scene),
-        };
-        let tiles = match &scene.mesh {
-            Some(mesh) => tiles.with_mesh(scene, mesh),
-            None => tiles,
-        };
-        let [all, empty] = tiles.counts();
-        if empty > 0 {
-            let what = format!("{empty} of {all} tiles of the picture");
-            let saved = Some(format!("{:.1} % of them", 100.0 * empty as f64 / all as f64));
-            let why = match scene.mesh {
-                Some(_) => "neither an active brick nor a mesh may show in them",
-                None => "no active brick may show in them",
-            };
-            left_out.add(what, why, saved, Some(Optimization::EyeTiles));
-        }
+        let tiles = picture_tiles(scene, loaded, transfer, kernels)?;
+        let tiles_place = left_out.0.len();
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = needed.is_ok() && maps.iter().any(|map| map.lookup.is_some());
         match needed {
@@ -163,15 +166,43 @@ impl Plan {
         };
         left_out.add_shading(shading, loaded);
         left_out.add_lights(scene);
-        let mut plan =
-            Self { shadows, skip_bricks, shading, mesh: scene.mesh.is_some(), left_out: Vec::new() };
+        let mut plan = Self {
+            shadows,
+            skip_bricks,
+            shading,
+            mesh: scene.mesh.is_some(),
+            left_out: Vec::new(),
+            tiles_place,
+        };
         let lights = scene.shining().len();
         if lights > 1 && !plan.depends_on_light() {
             let what = format!("{} of {lights} passes over the picture", lights - 1);
             left_out.add(what, "without shadows and shading lights add up", None, None);
         }
         plan.left_out = left_out.0;
-        (plan, tiles)
+        if let PictureTiles::Listed(tiles) = &tiles {
+            plan.skip_tiles(tiles.counts());
+        }
+        Ok((plan, tiles))
+    }
+
+    /// Adds the tiles of the picture in which nothing is visible to the list of skipped work, from the number of all
+    /// tiles and of empty ones.
+    pub(super) fn skip_tiles(&mut self, [all, empty]: [usize; 2]) {
+        if empty == 0 {
+            return;
+        }
+        let why = match self.mesh {
+            true => "neither an active brick nor a mesh may show in them",
+            false => "no active brick may show in them",
+        };
+        let omission = Omission {
+            what: format!("{empty} of {all} tiles of the picture"),
+            why: why.into(),
+            saved: Some(format!("{:.1} % of them", 100.0 * empty as f64 / all as f64)),
+            optional: Some(Optimization::EyeTiles),
+        };
+        self.left_out.insert(self.tiles_place, omission);
     }
 
     /// Whether the picture differs between directions of its lights, by shading or by shadows.
@@ -191,9 +222,11 @@ impl Plan {
         transfer: &DeviceTransfer,
         shadow: &ShadowMap,
         light_factor: bool,
+        device_tiles: bool,
     ) -> ShaderVariant {
         let lookup = shadow.lookup.as_ref().filter(|_| self.shadows);
         let shader = raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color, light_factor);
+        let shader = shader.defs(device_tiles.then_some(DEVICE_TILES));
         match self.mesh {
             true => with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")),
             false => shader,
@@ -261,6 +294,29 @@ impl Omissions {
     }
 }
 
+/// Finds the tiles of a picture in which eye rays are cast. Those of a mesh are found by the host.
+fn picture_tiles(
+    scene: &Scene,
+    loaded: &LoadedVolume,
+    transfer: &DeviceTransfer,
+    kernels: &Kernels,
+) -> Result<PictureTiles> {
+    let plane_mm = plane_distance_mm(scene, &loaded.volume);
+    let skips = scene.skip == Skip::Bricks && !transfer.disabled.has(Optimization::EyeTiles);
+    if skips && kernels.gpu().tuning.device_tiles && scene.mesh.is_none() {
+        let tiles = DeviceTiles::new(kernels, loaded, transfer, scene, plane_mm)?;
+        return Ok(PictureTiles::OnDevice(tiles));
+    }
+    let tiles = match skips {
+        true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
+        false => EyeTiles::all(scene),
+    };
+    Ok(PictureTiles::Listed(match &scene.mesh {
+        Some(mesh) => tiles.with_mesh(scene, mesh),
+        None => tiles,
+    }))
+}
+
 fn raycast_shader(
     lookup: Option<&Lookup>,
     shading: Shading,
@@ -274,7 +330,12 @@ fn raycast_shader(
         |l| l.within(entry).defs(["SHADOWS"]).defs(l.marches().then_some("RESUMABLE")),
     );
     shader
-        .modules(&["render/frame.wgsl", "render/resumption.wgsl"])
+        .modules(&[
+            "render/tile_depths.wgsl",
+            "render/frame.wgsl",
+            "render/resumption.wgsl",
+            "render/mean_light.wgsl",
+        ])
         .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
@@ -293,6 +354,8 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));
         }
+        // The tiles of the picture do not depend on anything else.
+        list.push(raycast_shader(lookup, shading, true, true, false).defs([DEVICE_TILES]));
         // A factor on the light depends neither on bricks nor on colours in tables.
         list.push(raycast_shader(lookup, shading, true, false, true));
         // A mesh surface does not depend on bricks and colours in tables either.

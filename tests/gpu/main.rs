@@ -39,6 +39,7 @@ mod shading;
 mod strands;
 mod tolerance;
 mod tubes;
+mod tuning;
 mod tunnel;
 mod view;
 

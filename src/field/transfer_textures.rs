@@ -1,0 +1,44 @@
+//! Textures with the lookup tables of a transfer function, and with the distances of bricks (blocks of voxel cells).
+
+use super::{ActiveBricks, DisabledOptimizations, Optimization};
+use crate::error::Result;
+use crate::gpu::{Gpu, solid_texture, table_texture, write_texels};
+use crate::transfer::TransferTables;
+
+/// Creates the lookup table of the transfer function's colour integrals over the voxel value. With only one colour,
+/// it is a single texel.
+pub(super) fn color_integrals(
+    gpu: &Gpu,
+    tables: &TransferTables,
+    one_color: Option<[f32; 3]>,
+) -> Result<wgpu::TextureView> {
+    let texels = if one_color.is_some() { &[[0.0; 4]][..] } else { &tables.integrals };
+    row_texture(gpu, "transfer integrals", texels)
+}
+
+/// Creates a texture of one row of four-vectors.
+///
+/// # Errors
+/// The row is longer than the adapter's textures may be.
+pub(super) fn row_texture(gpu: &Gpu, label: &str, texels: &[[f32; 4]]) -> Result<wgpu::TextureView> {
+    table_texture(gpu, label, wgpu::TextureFormat::Rgba32Float, [texels.len() as u32, 1], texels)
+}
+
+/// Creates the texture of the distance of every brick (block of voxel cells) to the nearest active brick.
+pub(super) fn distance_texture(
+    gpu: &Gpu,
+    active: &ActiveBricks,
+    disabled: DisabledOptimizations,
+) -> wgpu::TextureView {
+    let none_empty = disabled.has(Optimization::Bricks).then(|| vec![0; active.distance.len()]);
+    let counts = active.counts.map(|n| n as u32);
+    let texture = solid_texture(gpu, "brick distances", wgpu::TextureFormat::R8Uint, counts);
+    write_texels(gpu, &texture, [0; 3], counts, none_empty.as_ref().unwrap_or(&active.distance));
+    texture.create_view(&Default::default())
+}
+
+/// Returns a texture of one texel in place of the lookup table of transfer-function breakpoints, for pipelines that
+/// do not read the table.
+pub(super) fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
+    table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
+}

@@ -1,0 +1,93 @@
+//! Shader variants of graphics cards: same shadow maps and pictures as those of software adapters, on every adapter.
+
+use super::*;
+use umbravox::gpu::Tuning;
+use umbravox::scene::{Camera, LightSource, Shading};
+
+/// Renderers with the shaders of software adapters and of graphics cards.
+fn both() -> Option<[Arc<Renderer>; 2]> {
+    let with = |tuning: Tuning| {
+        let mut gpu = common::gpu()?;
+        gpu.tuning = tuning;
+        Some(Arc::new(Renderer::new(gpu)))
+    };
+    Some([with(Tuning::SOFTWARE)?, with(Tuning::CARD)?])
+}
+
+/// Methods, each with the largest difference of pictures. An atlas that is filtered stores its tiles in another order,
+/// and the filter's weights round with the place in the texture.
+const METHODS: [(&str, f32); 12] = [
+    ("none", 0.0),
+    ("rays", 0.0),
+    ("dsm:map=96,epsilon=0.01", 0.0),
+    ("dsm:map=64,compress=optimal", 0.0),
+    ("dsm:map=48,prefilter=5", 0.0),
+    ("dsm:map=64,march=samples", 0.0),
+    ("dsm:map=64,precompress=off", 0.0),
+    ("osm:map=64,slicing=lit", 0.0),
+    ("bom:map=64,layers=7", 0.0),
+    ("lightvolume:scale=4", 0.0),
+    ("avsm:map=64", 1e-4),
+    ("fourier:map=64", 1e-4),
+];
+
+/// Cameras and lights: from outside, among the bricks, from far away, and past the volume's edge.
+fn scenes(volume: &Volume) -> Vec<Scene> {
+    let framed = Scene { width: 90, height: 70, ambient: 0.15, ..Scene::framing(volume) };
+    let Camera { eye, target, .. } = framed.camera;
+    let camera = |eye: DVec3, target: DVec3, fov_deg: f64| Camera { eye, target, fov_deg, ..framed.camera };
+    let away = eye - target;
+    let position = target + 150.0 * away.any_orthonormal_vector();
+    let lights = vec![framed.lights[0], LightSource { light: Light::Point { position }, ..framed.lights[0] }];
+    vec![
+        Scene { camera: camera(target + 0.05 * away, target - away, 110.0), ..framed.clone() },
+        Scene { camera: camera(target + 40.0 * away, target, 2.0), ..framed.clone() },
+        Scene { camera: camera(eye, target + 40.0 * away.any_orthonormal_vector(), 12.0), ..framed.clone() },
+        Scene { lights, shading: Shading::BlinnPhong, ..framed },
+    ]
+}
+
+#[test]
+fn cards_and_software_adapters_draw_the_same_pictures() {
+    let Some(renderers) = both() else { return };
+    let volume = phantom("thorax:48");
+    let tf = opacity(&[(-600.0, 0.0), (-200.0, 0.05), (200.0, 0.3), (600.0, 0.6)]);
+    let open =
+        |r: &Arc<Renderer>| Session::on(r, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+    let sessions = renderers.each_ref().map(open);
+    for (method, most) in METHODS {
+        let method = shadow::parse(method).unwrap();
+        for scene in scenes(&volume) {
+            let [software, card] = sessions.each_ref().map(|session| {
+                let maps = session.shadows_of(method.as_ref(), &scene).unwrap();
+                let reports: Vec<_> =
+                    maps.iter().map(|map| (map.report.nodes_total, map.report.nodes_max)).collect();
+                (session.render(&maps, &scene).unwrap(), reports)
+            });
+            let off = (&software.0.pixels - &card.0.pixels).iter().fold(0.0_f32, |most, d| most.max(d.abs()));
+            assert!(off <= most, "{method:?}: {off}, {:?}", scene.camera);
+            assert_eq!(software.1, card.1, "{method:?}");
+            assert_eq!(software.0.plan, card.0.plan, "{method:?}: skipped work, {:?}", scene.camera);
+        }
+    }
+}
+
+#[test]
+fn pictures_in_bands_find_their_tiles_once() {
+    let Some([_, card]) = both() else { return };
+    let volume = phantom("sphere:40");
+    let tf = extinction(&[(300.0, 0.0), (700.0, 0.2)]);
+    let session = Session::on(&card, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+    let scene = Scene { width: 200, height: 150, ..Scene::framing(&volume) };
+    let maps = session.shadows_of(shadow::parse("dsm:map=64").unwrap().as_ref(), &scene).unwrap();
+    let whole = session.render(&maps, &scene).unwrap();
+    let mut bands = 0;
+    let banded = card.render_in_bands(&session.loaded, &session.transfer, &maps, &scene, 0.01, |_| {
+        bands += 1;
+        true
+    });
+    let banded = banded.unwrap().unwrap();
+    assert!(bands > 4, "{bands}");
+    assert_eq!(whole.pixels, banded.pixels);
+    assert_eq!(whole.plan, banded.plan);
+}
