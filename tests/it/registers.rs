@@ -6,7 +6,7 @@
 
 use crate::common;
 use ash::vk;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -58,13 +58,18 @@ struct Statistics {
 /// Shaders of the build passes and of a picture with shadows, for each method.
 fn wanted() -> BTreeMap<String, ShaderVariant> {
     let mut all = BTreeMap::new();
+    // Settings that only change another pass share a shader.
+    let mut seen = HashSet::new();
     let mut add = |method: &str, variant: ShaderVariant| {
+        if !seen.insert(variant.clone()) {
+            return;
+        }
         let pass = Path::new(variant.entry).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         all.entry(format!("{method} {pass}")).or_insert(variant);
     };
     let picture = |list: Vec<ShaderVariant>| {
         let plain = |v: &ShaderVariant| {
-            ["SKIP_BRICKS", "ONE_COLOR"].iter().all(|def| v.defs.contains(def))
+            ["SKIP_BRICKS", "ONE_COLOR", "DEVICE_TILES"].iter().all(|def| v.defs.contains(def))
                 && !v.defs.contains(&"SHADING")
         };
         list.into_iter().find(|v| v.entry == "render/raycast.wgsl" && plain(v))

@@ -2,6 +2,7 @@
 //! map. The host composes all transforms in `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
 
 use super::boxes::{GridBox, Region};
+use crate::field::brick_runs::brick_box;
 use crate::field::constants::TILE;
 use crate::field::{ActiveBricks, March};
 use crate::volume::Volume;
@@ -10,7 +11,7 @@ use glam::{DAffine3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
 
 /// Smallest number of bricks whose projections one task of a thread computes.
-const LEAST_SHARE: usize = 1 << 10;
+const LEAST_SHARE: usize = 1 << 14;
 
 /// Settings of a shadow map that determine its projection: its number of texels, its extent, and the way light rays
 /// are marched.
@@ -181,25 +182,58 @@ impl LightSpace {
         let [first, end] = self.texels_covered().unwrap_or([DVec2::NEG_INFINITY, DVec2::INFINITY]);
         let last = f64::from(across - 1);
         let tile = |t: f64| (t / f64::from(TILE)).clamp(0.0, last) as usize;
-        let texels_of = self.texels_of_boxes();
-        let mark = |mut tiles: Vec<bool>, brick: &IVec3| {
-            let brick = brick.to_array().map(|n| n as usize);
-            let Region { lo, hi } = texels_of(GridBox::of_bricks(brick, brick, volume.dims()));
+        let none = || vec![false; (across * across) as usize];
+        let mark = |tiles: &mut [bool], Region { lo, hi }: Region| {
             // Taps of the pre-filter and rounding reach slightly beyond the texels of a brick.
             let (lo, hi) = ((lo - 1.0).max(first), (hi + 1.0).min(end));
             if lo.cmple(hi).all() {
+                let [left, right] = [lo.x, hi.x].map(tile);
                 for y in tile(lo.y)..=tile(hi.y) {
-                    tiles[y * across as usize..][tile(lo.x)..=tile(hi.x)].fill(true);
+                    let row = &mut tiles[y * across as usize..];
+                    (left..=right).for_each(|x| row[x] = true);
+                }
+            }
+        };
+        let is_parallel = self.projection == Projection::Orthographic;
+        let parts = is_parallel.then(|| self.brick_parts(volume.dims(), active.counts));
+        let share = |bricks: &[IVec3]| {
+            let mut tiles = none();
+            if let Some(parts) = &parts {
+                for brick in bricks {
+                    let [x, y, z] = [0, 1, 2].map(|a| parts[a][brick[a] as usize]);
+                    mark(&mut tiles, Region { lo: x.lo + y.lo + z.lo, hi: x.hi + y.hi + z.hi });
+                }
+            } else {
+                let texels_of = self.texels_of_boxes();
+                for brick in bricks {
+                    let brick = brick.to_array().map(|n| n as usize);
+                    mark(&mut tiles, texels_of(GridBox::of_bricks(brick, brick, volume.dims())));
                 }
             }
             tiles
         };
-        let none = || vec![false; (across * across) as usize];
         let union = |mut tiles: Vec<bool>, others: Vec<bool>| {
             tiles.iter_mut().zip(others).for_each(|(own, other)| *own |= other);
             tiles
         };
-        active.outer().par_iter().with_min_len(LEAST_SHARE).fold(none, mark).reduce(none, union)
+        active.outer().par_chunks(LEAST_SHARE).map(share).reduce(none, union)
+    }
+
+    /// Returns, for each axis and each position of a brick along it, the part that the axis adds to the texel
+    /// coordinates of the brick's bounding rectangle. Parallel projections are sums of such parts.
+    fn brick_parts(&self, dims: [usize; 3], counts: [usize; 3]) -> [Vec<Region>; 3] {
+        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
+        let offset = frame_from_grid.translation.truncate() * self.texel_scale + self.texel_offset;
+        std::array::from_fn(|a| {
+            let axis = frame_from_grid.matrix3.col(a).truncate() * self.texel_scale;
+            let start = if a == 0 { offset } else { DVec2::ZERO };
+            let part = |brick: usize| {
+                let [low, high] =
+                    brick_box([brick; 3], [brick; 3], dims).map(|corner| start + axis * corner[a]);
+                Region { lo: low.min(high), hi: low.max(high) }
+            };
+            (0..counts[a]).map(part).collect()
+        })
     }
 
     /// Returns a function from a box in grid space (voxel index coordinates plus one) to the bounding rectangle of its
