@@ -83,6 +83,9 @@ def table(rows, columns):
 
 TIMES = ["scene", "method", "params", "map", "build_ms", "frame_ms", "bytes"]
 ERRORS = ["ray_err_max", "point_err_rms", "image_rmse", "bound", "bound_held", "check_ok"]
+# Host and device apart, and the clock rate of the card.
+SPLIT = ["build_host_ms", "build_gpu_ms", "build_wall_ms", "frame_host_ms", "frame_gpu_ms", "gpu_mhz"]
+DIVERGENCE = ["work_divergence_build", "work_longest_build", "work_divergence_frame", "work_longest_frame"]
 WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces"]
 
 
@@ -150,7 +153,7 @@ def cost():
                 best = min(close, key=lambda r: (r["build_ms"] or 0) + r["frame_ms"])
                 best["fastest up to"] = ", ".join(filter(None, [best.get("fastest up to"), f"{error}"]))
         rows += own
-    return table(rows, [*TIMES[:6], "fastest up to", "point_err_rms", "ray_err_max", "check_ok", *WORK])
+    return table(rows, [*TIMES[:6], "fastest up to", "point_err_rms", "ray_err_max", "check_ok", *SPLIT, *WORK, *DIVERGENCE])
 
 
 def growth():
@@ -158,7 +161,7 @@ def growth():
     rows = []
     for side in (128, 256) if a.quick else (128, 256, 512):
         rows += compare(f"phantom:thorax:{side}", "--tf", "ct", *LIGHT, "--size", "512x512", "--name", f"thorax:{side}", "--methods", "none;dsm:map=512,march=cells,samples")
-    return table(rows, TIMES)
+    return table(rows, [*TIMES, *SPLIT])
 
 
 sections = {f.__name__: f for f in (errors, methods, bound, stability, tuned, cost, growth)}

@@ -111,7 +111,7 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
     used.into_iter().enumerate().map(|(i, tf)| (labels_of(i), blurred(tf))).collect()
 }
 
-/// Number of rows of bricks (blocks of voxel cells) that a thread processes as one parallel task.
+/// Smallest number of rows of bricks (blocks of voxel cells) in one parallel task.
 const LEAST_ROWS: usize = 64;
 
 /// Whether the range of values of a brick (block of voxel cells) overlaps one of the disjoint, rising intervals.

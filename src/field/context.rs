@@ -161,10 +161,10 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Waits until the device is idle, if the duration of submissions is limited. The work of other threads then does
-    /// not count as build time.
+    /// Waits until the device is idle, if the duration of submissions is limited and measured by the host's clock. The
+    /// work of other threads then does not count as build time.
     fn wait_until_idle(&self) {
-        if self.pace.is_limited() {
+        if self.pace.is_limited() && self.gpu().timestamp_period_ns.is_none() {
             // A lost device is reported by the pass itself.
             let _ = self.gpu().wait_for(self.gpu().submit([]));
         }

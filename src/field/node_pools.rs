@@ -25,9 +25,6 @@ pub struct NodePools {
     pools: Mutex<Vec<Arc<NodePool>>>,
 }
 
-/// Largest number of pools that are kept although no map uses them: one for each method of a small comparison.
-const MAX_UNUSED: usize = 4;
-
 fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -52,20 +49,20 @@ impl NodePools {
         *share = used.max(0.875 * *share);
     }
 
-    /// Returns a pool that no map uses any more, with `least` to `most` rows. Allocating and clearing a new texture
-    /// takes longer than the map's other work on the host.
+    /// Returns a pool that no map uses any more, with `least` to `most` rows. If there is none, frees all pools that no
+    /// map uses, so that there is memory for a new one.
     pub fn reuse(&self, least: u32, most: u32) -> Option<Arc<NodePool>> {
+        let mut pools = lock(&self.pools);
         let fits = |pool: &&Arc<NodePool>| !is_used(pool) && (least..=most).contains(&pool.rows);
-        lock(&self.pools).iter().find(fits).cloned()
+        let found = pools.iter().find(fits).cloned();
+        if found.is_none() {
+            pools.retain(is_used);
+        }
+        found
     }
 
-    /// Adds a pool to those that later builds may reuse. Of the others that no map uses, the oldest are freed.
+    /// Adds a pool to those that later builds may reuse.
     pub fn keep(&self, pool: &Arc<NodePool>) {
-        let mut pools = lock(&self.pools);
-        while pools.iter().filter(|pool| !is_used(pool)).count() >= MAX_UNUSED {
-            let oldest = pools.iter().position(|pool| !is_used(pool));
-            oldest.map(|oldest| pools.remove(oldest));
-        }
-        pools.push(Arc::clone(pool));
+        lock(&self.pools).push(Arc::clone(pool));
     }
 }

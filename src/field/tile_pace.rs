@@ -107,7 +107,7 @@ impl TilePace {
     }
 
     fn learn(&self, pass: &'static str, tiles: u32, span: Span) {
-        let now = f64::from(tiles) / span.wall_ms.max(0.05);
+        let now = f64::from(tiles) / span.best().0.max(0.05);
         let mut rates = self.rates.lock().unwrap_or_else(PoisonError::into_inner);
         match rates.iter_mut().find(|(name, _)| *name == pass) {
             Some((_, rate)) => *rate = now.min(*rate * FASTER),

@@ -48,6 +48,21 @@ pub struct Work {
 }
 
 impl Work {
+    /// Returns the sums of the work of two submissions; only `longest_ray` is the larger one.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            samples: self.samples + other.samples,
+            lookups: self.lookups + other.lookups,
+            loads: self.loads + other.loads,
+            cells: self.cells + other.cells,
+            pieces: self.pieces + other.pieces,
+            steps: self.steps + other.steps,
+            lane_steps: self.lane_steps + other.lane_steps,
+            longest_ray: self.longest_ray.max(other.longest_ray),
+        }
+    }
+
     /// Returns the share of lane steps that are idle because another ray of the block takes longer; `None` if no steps
     /// were counted. Real subgroups are idle more often, since their lanes also wait for each other in between.
     pub fn divergence(&self) -> Option<f64> {

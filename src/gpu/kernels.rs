@@ -6,7 +6,7 @@ use super::{
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Cache key of a compiled compute pipeline: its shader variant and the layouts of its bind groups.
 type PipelineKey = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
@@ -31,6 +31,9 @@ pub struct Kernels {
     tuning: Tuning,
     /// Whether shaders count the operations that they execute, such as volume samples and texture reads.
     counting: AtomicBool,
+    /// Operations that shaders executed since the count began. Submissions are counted one by one, since blocks of
+    /// threads have the same numbers in each.
+    counted: Mutex<Work>,
     pipelines: Mutex<HashMap<PipelineKey, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -43,7 +46,15 @@ impl Kernels {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
         let tuning = Tuning { storage_uniforms: live && gpu.is_software(), ..gpu.tuning };
-        Self { gpu, timer, store, tuning, counting: AtomicBool::new(false), pipelines: Mutex::default() }
+        Self {
+            gpu,
+            timer,
+            store,
+            tuning,
+            counting: AtomicBool::new(false),
+            counted: Mutex::default(),
+            pipelines: Mutex::default(),
+        }
     }
 
     /// Returns the graphics device for which the compute pipelines are compiled.
@@ -124,10 +135,27 @@ impl Kernels {
     /// `passes` fails, or the device is lost.
     pub fn counting_work<T>(&self, passes: impl FnOnce() -> Result<T>) -> Result<(T, Work)> {
         self.take_work()?;
+        *self.counted.lock().unwrap_or_else(PoisonError::into_inner) = Work::default();
         self.counting.store(true, Ordering::Relaxed);
         let made = passes();
         self.counting.store(false, Ordering::Relaxed);
-        Ok((made?, self.take_work()?))
+        Ok((made?, *self.counted.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    /// Runs a submission with the timer, and adds its work if shaders count it.
+    fn timed(
+        &self,
+        label: &str,
+        record_all: impl FnOnce(&mut wgpu::ComputePass<'_>),
+        reads: &[Read<'_>],
+    ) -> Result<(Span, Vec<Vec<u32>>)> {
+        let ran = self.timer.compute(&self.gpu, label, record_all, reads)?;
+        if self.counting.load(Ordering::Relaxed) {
+            let work = self.take_work()?;
+            let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
+            *counted = counted.plus(work);
+        }
+        Ok(ran)
     }
 
     fn take_work(&self) -> Result<Work> {
@@ -152,7 +180,8 @@ impl Kernels {
         self.run_all(label, &[DevicePass { variant, groups, workgroups: size }], reads)
     }
 
-    /// Runs compute pipelines one after another in one submission, and waits until they are done. Returns the duration, and the words that `reads` requests.
+    /// Runs compute pipelines one after another in one submission, and waits until they are done. Returns the duration,
+    /// and the words that `reads` requests.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
@@ -170,7 +199,7 @@ impl Kernels {
                 record(recorded, pipeline, pass.groups, pass.workgroups);
             }
         };
-        self.timer.compute(&self.gpu, label, record_all, reads)
+        self.timed(label, record_all, reads)
     }
 
     /// Runs a compute pipeline once per step in one submission, and waits until all steps are done. Each step has its
@@ -191,7 +220,7 @@ impl Kernels {
         let record_all = |pass: &mut wgpu::ComputePass<'_>| {
             steps.iter().for_each(|(last, size)| record(pass, &pipeline, &all(last), *size));
         };
-        Ok(self.timer.compute(&self.gpu, label, record_all, &[])?.0)
+        Ok(self.timed(label, record_all, &[])?.0)
     }
 
     /// Submits a compute pipeline to the device, without waiting for it.

@@ -17,6 +17,8 @@ pub const MAX_LATTICE_STEPS: u32 = 4096;
 /// step is marched cell by cell. This takes about 12 further loop iterations per step.
 pub const MAX_LATTICE_MARCHES: u32 = 3000;
 
+/// Workgroup memory, in bytes, that an adapter must have for the arrays and counters of a workgroup.
+const ARRAYS_BYTES: u32 = 20 << 10;
 /// Name of the environment variable that replaces choices of [`Tuning`].
 const VARIABLE: &str = "UMBRAVOX_TUNING";
 /// Side of a square block of tiles whose tiles follow a Z-order curve ([`WorkOrder::Blocks`]).
@@ -55,10 +57,12 @@ pub struct Tuning {
     /// Whether shaders read the uniforms of bind groups 1 and 2 as storage buffers. llvmpipe compiles uniform values
     /// into its code, which takes hundreds of milliseconds after each change (see [`Kernels::new`](super::Kernels)).
     pub storage_uniforms: bool,
-    /// Whether passes use workgroup memory: for counters, so that one thread of a workgroup adds their sums to those
-    /// of the pass, and for the arrays of each thread, which would take registers. llvmpipe runs workgroups with
-    /// barriers more slowly.
-    pub workgroup_memory: bool,
+    /// Whether a workgroup adds up its counters in workgroup memory, so that one thread adds them to those of the pass.
+    /// llvmpipe runs workgroups with barriers more slowly.
+    pub workgroup_sums: bool,
+    /// Whether the arrays of each thread lie in workgroup memory, for workgroups of side 8: otherwise they take
+    /// registers. The largest arrays of a workgroup have 16 KiB.
+    pub workgroup_arrays: bool,
     /// Whether wgpu adds a limit of 2^64 iterations to each shader loop. All loops have limits of their own
     /// ([`DeviceCounters`](super::DeviceCounters)).
     pub bounded_loops: bool,
@@ -76,7 +80,8 @@ impl Tuning {
         device_tiles: false,
         storage_tables: false,
         storage_uniforms: false,
-        workgroup_memory: false,
+        workgroup_sums: false,
+        workgroup_arrays: false,
         bounded_loops: true,
         odd_textures: true,
     };
@@ -88,7 +93,8 @@ impl Tuning {
         device_tiles: true,
         storage_tables: true,
         storage_uniforms: false,
-        workgroup_memory: true,
+        workgroup_sums: true,
+        workgroup_arrays: true,
         bounded_loops: false,
         odd_textures: false,
     };
@@ -97,8 +103,9 @@ impl Tuning {
     ///
     /// # Errors
     /// The variable has an unknown name or value.
-    pub(super) fn of(info: &wgpu::AdapterInfo) -> Result<Self> {
-        let own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
+    pub(super) fn of(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> Result<Self> {
+        let mut own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
+        own.workgroup_arrays &= limits.max_compute_workgroup_storage_size >= ARRAYS_BYTES;
         match std::env::var(VARIABLE) {
             Ok(text) => own.with(&text),
             Err(_) => Ok(own),
@@ -127,15 +134,18 @@ impl Tuning {
                 "tiles=device" => self.device_tiles = true,
                 "tables=uniform" => self.storage_tables = false,
                 "tables=storage" => self.storage_tables = true,
-                "memory=private" => self.workgroup_memory = false,
-                "memory=workgroup" => self.workgroup_memory = true,
+                "sums=pass" => self.workgroup_sums = false,
+                "sums=workgroup" => self.workgroup_sums = true,
+                "arrays=private" => self.workgroup_arrays = false,
+                "arrays=workgroup" => self.workgroup_arrays = true,
                 "loops=bounded" => self.bounded_loops = true,
                 "loops=own" => self.bounded_loops = false,
                 _ => {
                     let why = format!("`{item}` is not a choice");
                     return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
                         "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, tiles=host|device, \
-                         tables=uniform|storage, memory=private|workgroup, loops=bounded|own",
+                         tables=uniform|storage, sums=pass|workgroup, \
+                         arrays=private|workgroup, loops=bounded|own",
                     ));
                 }
             }
@@ -147,7 +157,8 @@ impl Tuning {
     pub(super) fn defs(&self) -> impl Iterator<Item = &'static str> {
         let defs = [
             (self.order == WorkOrder::Spread, "SPREAD_WORKGROUPS"),
-            (self.workgroup_memory, "WORKGROUP_MEMORY"),
+            (self.workgroup_sums, "WORKGROUP_SUMS"),
+            (self.workgroup_arrays && self.workgroup_side == 8, "WORKGROUP_ARRAYS"),
         ];
         defs.into_iter().filter_map(|(on, name)| on.then_some(name))
     }

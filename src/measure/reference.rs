@@ -221,6 +221,7 @@ impl<'a> Reference<'a> {
         let exact = &self.exact_picture;
         let kernels = renderer.kernels();
         let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadows, &exact.scene))?;
+        progress.check(&format!("{name}: counted work"))?;
         let (_, full_work) = kernels.counting_work(|| job.session.render(&shadows, job.scene))?;
         row.set_frame_divergence(full_work);
         let (_, build_work) = kernels.counting_work(|| job.session.shadows_of(method, job.scene))?;

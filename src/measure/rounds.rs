@@ -38,6 +38,17 @@ impl<'a> TimedRow<'a> {
         let compared = Compared { row, method: spec, slug, picture, left_out, difference: None, nodes: None };
         (Self { method, place, key, compared, frame_ms, rounds, warm }, notes)
     }
+
+    /// Adds a note if the timed rounds of the shadow method are from several runs of the program.
+    fn note_runs(&mut self) {
+        let mut runs: Vec<_> = self.rounds.iter().map(|(run, _)| run).collect();
+        runs.dedup();
+        if runs.len() > 1 {
+            let note =
+                format!("its {} timed rounds are from {} runs of the program", self.rounds.len(), runs.len());
+            self.compared.row.add_note(&note);
+        }
+    }
 }
 
 /// Times shadow methods in turn until each has `repeats` timed rounds, and writes the times to the comparison table
@@ -86,6 +97,7 @@ pub fn time(
             let what = if counts { "timing" } else { "warming up" };
             progress.begin(Step::new(StepKind::Run, &name), &format!("{name}: {what}"))
         }
+        Event::Repeats => progress.check("timing"),
         Event::Round(times) => {
             journal.record_round(times.iter().map(|(i, times)| (keys[*i].as_str(), *times)))?;
             for (i, times) in times {
@@ -112,13 +124,7 @@ pub fn time(
         let timing = Timing::of(&times)?;
         timed.compared.row.set_timing(&timing);
         timed.compared.row.note_unsteady(&timing);
-        let mut runs: Vec<_> = timed.rounds.iter().map(|(run, _)| run).collect();
-        runs.dedup();
-        if runs.len() > 1 {
-            let note =
-                format!("its {} timed rounds are from {} runs of the program", times.len(), runs.len());
-            timed.compared.row.add_note(&note);
-        }
+        timed.note_runs();
     }
     Ok(failures)
 }

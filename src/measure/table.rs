@@ -165,9 +165,9 @@ columns! {
     /// Largest number of steps of a light ray in the march that builds a shadow map.
     work_longest_build [""]: Option<u64>,
     /// Divergence of the march along eye rays: share of steps for which a lane of a subgroup would be idle, if each
-    /// block of 8 x 4 pixels took as many steps as its longest eye ray.
+    /// block of 8 x 4 pixels took as many steps as its longest eye ray. Light rays that a query marches are included.
     work_divergence_frame [""]: Option<f64>,
-    /// Largest number of steps of an eye ray in the picture.
+    /// Largest number of steps of an eye ray in the picture, with those of the light rays that its queries march.
     work_longest_frame [""]: Option<u64>,
     /// Number of light rays along which the shadow method's transmittance was tested.
     rays_tested [""]: Option<u64>,

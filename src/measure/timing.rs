@@ -5,6 +5,7 @@ use super::stats::Spread;
 use crate::error::{Error, Result};
 use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
 
 /// Returns the name of the clock that measured times, `gpu` or `wall`, for the comparison table column `clock`.
 pub fn clock_name(clock: Clock) -> &'static str {
@@ -152,6 +153,8 @@ pub enum Event<'a> {
         /// Whether the starting run of a shadow method is timed; otherwise it is a warm-up run.
         counts: bool,
     },
+    /// Start of a repetition of a timed run whose times on the device did not agree yet.
+    Repeats,
     /// End of a timed round: pairs of task index and stage times, for the tasks (such as shadow methods) that ran in
     /// it.
     Round(&'a [(usize, StageTimes)]),
@@ -161,21 +164,38 @@ pub enum Event<'a> {
 const MOST_REPEATS: usize = 20;
 /// Largest relative difference of the device times of two runs that agree.
 const AGREEMENT: f64 = 0.05;
+/// Difference of two device times, in ms, below which they agree: timestamps are not more exact.
+const AGREEMENT_MS: f64 = 0.01;
+/// Longest time for which a timed run is repeated.
+const LONGEST: Duration = Duration::from_secs(2);
 
 /// Repeats a run until the times on the device of two runs in a row agree, and returns the last run. Graphics cards
 /// lower their clocks while the host works: the first run after a pause takes up to four times as long. Adapters
 /// without timestamps run once.
-fn steady(run: &mut TimedRun<'_>) -> Result<StageTimes> {
-    let mut last = run().and_then(sensible)?;
+fn steady(
+    run: &mut TimedRun<'_>,
+    tell: &mut dyn FnMut(Event<'_>) -> Result<()>,
+) -> Result<Result<StageTimes>> {
+    let start = Instant::now();
+    let first = run().and_then(sensible);
+    let Ok(mut last) = first else { return Ok(first) };
+    let Some(mut before) = last.device_ms() else { return Ok(Ok(last)) };
     for _ in 0..MOST_REPEATS {
-        let Some(before) = last.device_ms() else { return Ok(last) };
-        last = run().and_then(sensible)?;
-        let now = last.device_ms().unwrap_or(before);
-        if (now - before).abs() <= AGREEMENT * now.max(before) {
-            return Ok(last);
+        if start.elapsed() > LONGEST {
+            break;
         }
+        tell(Event::Repeats)?;
+        let next = run().and_then(sensible);
+        let Ok(next) = next else { return Ok(next) };
+        // Some drivers leave timestamps unwritten now and then.
+        let Some(now) = next.device_ms() else { continue };
+        last = next;
+        if (now - before).abs() <= AGREEMENT_MS.max(AGREEMENT * now.max(before)) {
+            return Ok(Ok(last));
+        }
+        before = now;
     }
-    Ok(StageTimes { unsteady: true, ..last })
+    Ok(Ok(StageTimes { unsteady: true, ..last }))
 }
 
 /// Times several tasks, such as shadow methods, in turn, after a warm-up. Returns the times of all runs of each task,
@@ -202,7 +222,7 @@ pub fn interleave(
                     continue;
                 }
                 tell(Event::Starts { turns, counts })?;
-                let run = if counts { steady(&mut t.run) } else { (t.run)().and_then(sensible) };
+                let run = if counts { steady(&mut t.run, tell)? } else { (t.run)().and_then(sensible) };
                 match run {
                     Ok(time) if counts => {
                         let time = StageTimes { gpu_mhz: gpu_mhz(), ..time };

@@ -78,13 +78,16 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
         if std::mem::replace(&mut self.begun, true) && !(self.go_on)() {
             return None;
         }
-        // The work of other threads must not count as a band's time. A lost device is reported by the band itself.
-        let _ = self.gpu.wait_for(self.gpu.submit([]));
+        if self.gpu.timestamp_period_ns.is_none() {
+            // The work of other threads must not count as a band's time by the host's clock. A lost device is reported
+            // by the band itself.
+            let _ = self.gpu.wait_for(self.gpu.submit([]));
+        }
         Some(self.pace.pixels())
     }
 
     fn took(&mut self, pixels: u32, span: Span) {
-        self.longest_ms = self.longest_ms.max(span.wall_ms);
+        self.longest_ms = self.longest_ms.max(span.best().0);
         self.pace.learn(pixels, span);
     }
 }

@@ -88,7 +88,7 @@ impl Pace {
     }
 
     pub(super) fn learn(&mut self, pixels: u32, span: Span) {
-        let ms = span.wall_ms.max(0.05);
+        let ms = span.best().0.max(0.05);
         self.pixels += f64::from(pixels);
         self.ms += ms;
         if ms >= SHORTEST_BAND_MS {

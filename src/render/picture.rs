@@ -274,7 +274,7 @@ impl Renderer {
         let mut part: Option<Span> = None;
         let background = background_shader(matches!(caster.tiles, PictureTiles::OnDevice(_)));
         let [left_out, cast] = tiles.map(workgroups);
-        let fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
+        let mut fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
         let rays = DevicePass { variant: &pass.shader, groups: &groups, workgroups: cast };
         loop {
             let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
@@ -292,6 +292,8 @@ impl Renderer {
                 }
                 _ => self.kernels.run_all("ray cast", &[fill, rays], &reads)?,
             };
+            // Later dispatches only continue rays.
+            fill.workgroups = [0; 3];
             let so_far = part.map_or(took, |s| s.plus(took));
             part = Some(so_far);
             if !pass.resumable || words[0][0] == 0 {

@@ -91,3 +91,30 @@ fn pictures_in_bands_find_their_tiles_once() {
     assert_eq!(whole.pixels, banded.pixels);
     assert_eq!(whole.plan, banded.plan);
 }
+
+/// Work is counted for each submission: maps of several lights and resumed rays have blocks of the same numbers.
+#[test]
+fn divergence_is_a_share_with_several_lights_and_with_resumed_rays() {
+    let Some(renderer) = renderer() else { return };
+    let volume = phantom("sphere:24");
+    let tf = extinction(&[(300.0, 0.0), (700.0, 0.2)]);
+    let session = Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+    let framed = Scene { width: 64, height: 48, ..Scene::framing(&volume) };
+    let lit_from = |toward: DVec3| LightSource { light: Light::Directional { toward }, ..framed.lights[0] };
+    let lights = [DVec3::X, DVec3::new(0.3, 1.0, 0.2), DVec3::NEG_Z].map(lit_from).to_vec();
+    let scene = Scene { lights, ..framed };
+    for method in ["dsm:map=32", "rays"] {
+        let method = shadow::parse(method).unwrap();
+        let kernels = renderer.kernels();
+        let (maps, build) = kernels.counting_work(|| session.shadows_of(method.as_ref(), &scene)).unwrap();
+        let (_, frame) = kernels.counting_work(|| session.render(&maps, &scene)).unwrap();
+        let counted = [build, frame].map(|work| (work.divergence(), work.longest_ray));
+        assert_eq!(counted[0].0.is_some(), method.name() == "dsm");
+        for (divergence, longest) in counted.into_iter().filter(|(d, _)| d.is_some()) {
+            assert!(
+                (0.0..1.0).contains(&divergence.unwrap()) && longest > 5,
+                "{method:?}: {divergence:?}, {longest}"
+            );
+        }
+    }
+}

@@ -95,7 +95,8 @@ fn hash(value: &impl Hash) -> u64 {
 }
 
 /// Selects shader variants that together contain every pair of settings of each shader. A setting is a definition
-/// that is present or not, the value of a constant, or the tuning for a type of adapter. All combinations would be ten times
+/// that is present or not, the value of a constant, or the tuning for a type of adapter. All combinations would be
+/// ten times
 /// as many.
 fn pairwise(mut variants: Vec<(ShaderVariant, Tuning)>) -> Vec<(ShaderVariant, Tuning)> {
     let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();

@@ -9,7 +9,7 @@
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish}
 #import umbravox::dsm_rows::report_cut_ray
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_SUMS
 #import umbravox::dsm_rows::add_counts
 #endif
 #import umbravox::dsm_layout::{params, DEPTH_STEPS, MAX_LATTICE_STEPS}
@@ -136,7 +136,7 @@ fn build(
     let here = tile_texel(group, groups, local);
     let record = record_of(here.texel);
     if here.inside { build_texel(here.texel, record, thread); }
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_SUMS
     add_counts(record, thread);
 #endif
 }

@@ -93,7 +93,7 @@ fn count_narrowed() {
     atomicAdd(&counters.texels_narrowed, 1u);
 }
 
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_SUMS
 // Counters of this workgroup: one thread adds them to those of the pass, since the threads of a card that add to one
 // address wait for each other.
 struct WorkgroupSums {
@@ -126,7 +126,7 @@ fn add_counts(record: u32, thread: u32) {
 fn count_rows() {
     let requested = (rows.count - 1u) / ROW_NODES;
     let incomplete = select(0u, 1u, rows.row == NO_ROW);
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_SUMS
     atomicAdd(&sums.nodes_total, rows.count);
     atomicMax(&sums.nodes_max, rows.count);
     atomicAdd(&sums.texels_hit, 1u);

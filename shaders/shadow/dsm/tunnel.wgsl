@@ -65,7 +65,7 @@ struct Tunnel {
 }
 
 // The two chains of corners (floor, ceiling), each a ring buffer.
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_ARRAYS
 // Corner by corner for all threads of the workgroup, so that neighbouring threads use different memory banks.
 const CORNER_STRIDE: u32 = #{WORKGROUP_SIDE} * #{WORKGROUP_SIDE};
 var<workgroup> corners: array<vec2<f32>, 2 * #{HULL_CORNERS} * CORNER_STRIDE>;
@@ -78,7 +78,7 @@ var<private> tunnel: Tunnel;
 
 fn start_writer(row: u32, thread: u32) {
     start_rows(row);
-#ifdef WORKGROUP_MEMORY
+#ifdef WORKGROUP_ARRAYS
     own_corners = thread;
 #endif
     tunnel.started = false;

@@ -10,8 +10,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
 
-/// Smallest number of bricks whose projections one task of a thread computes.
-const LEAST_SHARE: usize = 1 << 14;
+/// Number of bricks whose projections one task of a thread computes: for parallel lights, whose projections take few
+/// operations, and for other lights.
+const SHARES: [usize; 2] = [1 << 14, 1 << 10];
 
 /// Settings of a shadow map that determine its projection: its number of texels, its extent, and the way light rays
 /// are marched.
@@ -216,7 +217,7 @@ impl LightSpace {
             tiles.iter_mut().zip(others).for_each(|(own, other)| *own |= other);
             tiles
         };
-        active.outer().par_chunks(LEAST_SHARE).map(share).reduce(none, union)
+        active.outer().par_chunks(SHARES[usize::from(!is_parallel)]).map(share).reduce(none, union)
     }
 
     /// Returns, for each axis and each position of a brick along it, the part that the axis adds to the texel

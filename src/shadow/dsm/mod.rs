@@ -313,17 +313,21 @@ impl DeepShadowMap {
 const POOL_SLACK: f64 = 1.25;
 
 /// Creates or reuses the texture that stores the rows of curve nodes of a deep shadow map: at least `rows` rows, in
-/// whole lines of texels. Measurements only reuse a pool of exactly this size.
+/// whole lines of texels. Only a window reuses pools: measured builds allocate their memory, like those of the other
+/// methods.
 fn node_pool(context: &BuildContext<'_>, rows: u32) -> Result<Arc<NodePool>> {
     let rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
-    let most = if context.pace.is_limited() { (POOL_SLACK * f64::from(rows)) as u32 } else { rows };
-    if let Some(pool) = context.node_pools.reuse(rows, most) {
+    let reuses = context.pace.is_limited();
+    let most = (POOL_SLACK * f64::from(rows)) as u32;
+    if let Some(pool) = reuses.then(|| context.node_pools.reuse(rows, most)).flatten() {
         return Ok(pool);
     }
     let size = [NODE_TEXTURE_WIDTH, rows / (NODE_TEXTURE_WIDTH / 2)];
     let view = store_texture(context.gpu(), "deep shadow map nodes", NODE_FORMAT, size)?;
     let pool = Arc::new(NodePool { view, rows });
-    context.node_pools.keep(&pool);
+    if reuses {
+        context.node_pools.keep(&pool);
+    }
     Ok(pool)
 }
 
