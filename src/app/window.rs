@@ -6,7 +6,7 @@ use super::settings::Settings;
 use super::surface::Surface;
 use crate::engine::reading::OpenMode;
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Tuning};
 use crate::open::{SceneRequest, SceneSettings};
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -87,6 +87,8 @@ fn open(
     (scene, resume): (Option<SceneSettings>, Option<Resume>),
     hook: Option<Box<dyn FrameHook>>,
 ) -> Result<Ended> {
+    // eframe would report a bad value as a missing display.
+    Tuning::CARD.with_environment()?;
     let setup = egui_wgpu::WgpuSetupCreateNew {
         native_adapter_selector: adapter.map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),

@@ -58,8 +58,8 @@ impl TilePace {
         Self { target_ms, rates: Mutex::default() }
     }
 
-    /// Whether the duration of submissions during a shadow-map build is limited. The device then has to be idle
-    /// before each submission, so that its duration can be measured.
+    /// Whether the duration of submissions during a shadow-map build is limited. If the host's clock measures
+    /// this duration, the device has to be idle before each submission.
     pub fn is_limited(&self) -> bool {
         self.target_ms.is_finite()
     }

@@ -106,10 +106,15 @@ impl Tuning {
     pub(super) fn of(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> Result<Self> {
         let mut own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
         own.workgroup_arrays &= limits.max_compute_workgroup_storage_size >= ARRAYS_BYTES;
-        match std::env::var(VARIABLE) {
-            Ok(text) => own.with(&text),
-            Err(_) => Ok(own),
-        }
+        own.with_environment()
+    }
+
+    /// Replaces choices by those of the environment variable `UMBRAVOX_TUNING`.
+    ///
+    /// # Errors
+    /// The variable has an unknown name or value.
+    pub fn with_environment(self) -> Result<Self> {
+        std::env::var(VARIABLE).map_or(Ok(self), |text| self.with(&text))
     }
 
     /// Replaces choices by those of a text such as `card,steps=2,tables=uniform`, from left to right. `card` and

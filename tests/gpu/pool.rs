@@ -70,3 +70,32 @@ fn only_tiles_that_the_pool_was_too_small_for_are_built_again() {
     };
     assert!(dark(|x| x < 30.0) < 0.5 && dark(|x| x > 34.0) < 0.75, "the light reaches all of it");
 }
+
+/// A window reuses the pools of maps that no longer exist, and what they held does not show.
+#[test]
+fn pools_of_dropped_maps_are_reused_without_traces() {
+    let Some(gpu) = common::gpu() else { return };
+    let live = Arc::new(Renderer::live(gpu, 1e3));
+    let volume = phantom("comb:48");
+    let tf = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
+    let open = || Session::on(&live, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+    let (session, fresh) = (open(), open());
+    let scene = Scene { width: 60, height: 45, ..Scene::framing(&volume) };
+    let method = shadow::parse("dsm:map=48,epsilon=0.005").unwrap();
+    let lights = [DVec3::new(0.05, 0.02, 1.0), DVec3::new(0.8, 0.1, 0.6)];
+    let [first, second] = lights.map(|toward| Light::Directional { toward });
+    let any = || session.loaded.node_pools.reuse(0, u32::MAX);
+    assert!(any().is_none(), "no map was built");
+    let map = session.shadow(method.as_ref(), first).unwrap();
+    let picture = session.render(&map, &scene).unwrap().pixels;
+    // Another map while the first exists: each has a pool of its own.
+    let other = session.shadow(method.as_ref(), second).unwrap();
+    assert_eq!(session.render(&map, &scene).unwrap().pixels, picture);
+    drop((map, other));
+    assert!(any().is_some(), "pools without a map");
+    let again = session.shadow(method.as_ref(), second).unwrap();
+    // A build that allocates a pool frees the unused ones.
+    assert!(any().is_some(), "one of the two pools is in use again");
+    let unused = fresh.shadow(method.as_ref(), second).unwrap();
+    assert_eq!(session.render(&again, &scene).unwrap().pixels, fresh.render(&unused, &scene).unwrap().pixels);
+}
