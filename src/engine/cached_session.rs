@@ -4,7 +4,7 @@
 use super::invalidation::{Change, Stage};
 use super::shadow_cache::{MapCoverage, MapSource, ShadowCache, Work};
 use crate::error::{Error, Result};
-use crate::field::LoadedVolume;
+use crate::field::{DeferredPasses, LoadedVolume};
 use crate::render::{DeviceTransfer, DisabledOptimizations, Picture, Renderer};
 use crate::scene::Scene;
 use crate::shadow::{Method, ShadowMap};
@@ -146,11 +146,43 @@ impl CachedSession {
         extent: (&Scene, MapCoverage),
         work: &mut Work,
     ) -> Result<Prepared<'_>> {
+        self.prepare_with(method, extent, work, None)
+    }
+
+    /// Prepares a picture like [`Self::prepare`]. With `deferred`, build passes wait there for the submission of the
+    /// picture ([`LightMaps::after`](crate::render::LightMaps::after)), and [`Self::complete`] has to follow.
+    ///
+    /// # Errors
+    /// See [`Self::prepare`].
+    pub fn prepare_with(
+        &mut self,
+        method: &dyn Method,
+        extent: (&Scene, MapCoverage),
+        work: &mut Work,
+        deferred: Option<&DeferredPasses>,
+    ) -> Result<Prepared<'_>> {
         let Self { renderer, loaded: Some(loaded), transfer: Some((_, transfer)), shadows, .. } = self else {
             return Err(Error::runtime("cannot draw", "renderer", "no volume is open"));
         };
         let source = MapSource { renderer, loaded, transfer };
-        let shadows = shadows.prepare(source, method, extent, work)?;
+        let shadows = shadows.prepare(source, method, extent, work, deferred)?;
         Ok(Prepared { renderer, loaded, transfer, shadows })
+    }
+
+    /// Completes the shadow maps whose passes were deferred, once the picture is drawn. Returns `false` if one of them
+    /// is incomplete: the picture is invalid, and has to be prepared and drawn again.
+    ///
+    /// # Errors
+    /// The device could not build a map.
+    pub fn complete(
+        &mut self,
+        method: &dyn Method,
+        deferred: DeferredPasses,
+        work: &mut Work,
+    ) -> Result<bool> {
+        let Self { renderer, loaded: Some(loaded), transfer: Some((_, transfer)), shadows, .. } = self else {
+            return Ok(false);
+        };
+        shadows.complete(MapSource { renderer, loaded, transfer }, method, deferred, work)
     }
 }

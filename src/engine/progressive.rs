@@ -8,10 +8,11 @@ use super::quality::{Quality, Speeds};
 use super::reading::{OpenedVolume, suitable_shading};
 use super::shadow_cache::{MapCoverage, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
+use crate::field::DeferredPasses;
 use crate::gpu::Gpu;
-use crate::render::{DisabledOptimizations, DisplayTexture, Renderer, Screen};
+use crate::render::{DisabledOptimizations, DisplayTexture, LightMaps, Renderer, Screen};
 use crate::scene::Scene;
-use crate::shadow::{Bound, BuildReport};
+use crate::shadow::{Bound, BuildReport, MethodSpec};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -119,35 +120,12 @@ impl ProgressiveRenderer {
         let scene = Scene { width, height, step, shading, ..scene.clone() };
         let mut sides = Vec::with_capacity(2);
         let mut longest_band_ms = 0.0_f64;
+        let joint = self.session.renderer.gpu().tuning.joint_submission;
         for spec in &quality.methods {
-            let method = spec.method()?;
-            let mut built = Work::default();
-            let made = self.session.prepare(method.as_ref(), (&scene, MapCoverage::Picture), &mut built)?;
-            if let Some(ms) = built.build_ms {
-                *work.build_ms.get_or_insert(0.0) += ms;
-                let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
-                self.speeds.record_build(spec, map, ms / built.built.max(1) as f64);
-            }
-            if !proceed() {
-                return Ok(None);
-            }
-            let texture = take_texture(&mut self.textures, made.renderer.gpu(), width, height)?;
-            let pace = if is_final { &mut self.speeds.full } else { &mut self.speeds.moving };
-            let screen = Screen { target: &texture, pace };
-            let field = (made.loaded, made.transfer);
-            let report = BuildReport::of_all(made.shadows.iter().copied());
-            let bound = Bound::of_all(made.shadows.iter().copied());
-            let drawn = made.renderer.draw_to(screen, field, made.shadows, &scene, &proceed)?;
-            let Some(drawn) = drawn else { return Ok(None) };
-            longest_band_ms = longest_band_ms.max(drawn.longest_band_ms);
-            sides.push(MethodFrame {
-                texture,
-                spec: format!("{spec:#}"),
-                report,
-                bound,
-                skipped: drawn.plan.left_out,
-                frame_ms: drawn.span.best().0,
-            });
+            let side = self.draw_side(spec, &scene, is_final, joint, &mut work, &proceed)?;
+            let Some((side, band_ms)) = side else { return Ok(None) };
+            longest_band_ms = longest_band_ms.max(band_ms);
+            sides.push(side);
         }
         let latency_ms = request.since.elapsed().as_secs_f64() * 1e3;
         tracing::debug!(
@@ -160,6 +138,53 @@ impl ProgressiveRenderer {
         let Some(main) = sides.next() else { return Ok(None) };
         let (other, revision) = (sides.next(), request.revision);
         Ok(Some(Frame { main, other, is_final, work, latency_ms, longest_band_ms, revision }))
+    }
+
+    /// Renders the picture of one shadow method. With `joint`, the builds of its shadow maps are submitted with the
+    /// picture. Returns also the longest time of a submission, ms; `None` if `proceed` stopped the rendering.
+    fn draw_side(
+        &mut self,
+        spec: &MethodSpec,
+        scene: &Scene,
+        is_final: bool,
+        joint: bool,
+        work: &mut Work,
+        proceed: &impl Fn() -> bool,
+    ) -> Result<Option<(MethodFrame, f64)>> {
+        let method = spec.method()?;
+        let mut built = Work::default();
+        let deferred = DeferredPasses::default();
+        let extent = (scene, MapCoverage::Picture);
+        let made =
+            self.session.prepare_with(method.as_ref(), extent, &mut built, joint.then_some(&deferred))?;
+        let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
+        if !proceed() {
+            return Ok(None);
+        }
+        let texture = take_texture(&mut self.textures, made.renderer.gpu(), scene.width, scene.height)?;
+        let pace = if is_final { &mut self.speeds.full } else { &mut self.speeds.moving };
+        let screen = Screen { target: &texture, pace };
+        let shadows = LightMaps::from(made.shadows).after(&deferred);
+        let drawn = made.renderer.draw_to(screen, (made.loaded, made.transfer), shadows, scene, proceed)?;
+        let Some(drawn) = drawn else { return Ok(None) };
+        if !self.session.complete(method.as_ref(), deferred, &mut built)? {
+            // A map lacks memory: it is built alone, and grows.
+            return self.draw_side(spec, scene, is_final, false, work, proceed);
+        }
+        if let Some(ms) = built.build_ms {
+            *work.build_ms.get_or_insert(0.0) += ms;
+            self.speeds.record_build(spec, map, ms / built.built.max(1) as f64);
+        }
+        let made = self.session.prepare(method.as_ref(), extent, &mut Work::default())?;
+        let side = MethodFrame {
+            texture,
+            spec: format!("{spec:#}"),
+            report: BuildReport::of_all(made.shadows.iter().copied()),
+            bound: Bound::of_all(made.shadows.iter().copied()),
+            skipped: drawn.plan.left_out,
+            frame_ms: drawn.span.best().0,
+        };
+        Ok(Some((side, drawn.longest_band_ms)))
     }
 }
 

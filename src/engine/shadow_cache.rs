@@ -2,11 +2,12 @@
 
 use super::invalidation::shining_lights;
 use crate::error::Result;
-use crate::field::View;
+use crate::field::{DeferredPasses, View};
 use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, ShadowMap};
 use std::cell::Cell;
+use std::ops::Range;
 
 /// Times spent to prepare a picture: transfer-function tables, brick classification and shadow maps. `None` marks a
 /// step that was not necessary.
@@ -102,6 +103,8 @@ struct CachedMap {
     /// View for which the coverage of this cached shadow map was tested last (`None`: all points), and the result of
     /// the test. A test on a large volume takes milliseconds.
     tested: Cell<Option<(Option<View>, bool)>>,
+    /// Range of the deferred passes that build this shadow map; `None` for a complete map.
+    deferred: Option<Range<usize>>,
 }
 
 impl CachedMap {
@@ -174,7 +177,8 @@ impl ShadowCache {
     }
 
     /// Returns the shadow map of each light that is not black, in the order of the lights. Builds the maps that
-    /// are not in the cache.
+    /// are not in the cache. With `deferred`, passes wait there for the submission of the picture, and
+    /// [`Self::complete`] has to follow: otherwise the next call discards these maps.
     ///
     /// # Errors
     /// A shadow map that the graphics adapter cannot hold.
@@ -184,7 +188,9 @@ impl ShadowCache {
         method: &dyn Method,
         (scene, coverage): (&Scene, MapCoverage),
         work: &mut Work,
+        deferred: Option<&DeferredPasses>,
     ) -> Result<Vec<&ShadowMap>> {
+        self.maps.retain(|map| map.deferred.is_none());
         let lights = shining_lights(scene);
         let acceptable = Acceptable::new(source, method, scene, coverage.view(scene));
         let mut missing: Vec<Light> = Vec::new();
@@ -207,17 +213,49 @@ impl ShadowCache {
         let view = acceptable.view.map(|view| view.with_margin(margin));
         let MapSource { renderer, loaded, transfer } = source;
         for light in missing {
-            let map = renderer.shadow_in(loaded, transfer, method, (scene, light), view.as_ref())?;
+            let first = deferred.map_or(0, DeferredPasses::len);
+            let field = (loaded, transfer);
+            let map = renderer.shadow_with(field, method, (scene, light), view.as_ref(), deferred)?;
+            let passes = first..deferred.map_or(0, DeferredPasses::len);
+            let deferred = (!passes.is_empty()).then_some(passes);
             if acceptable.needs_shadows() {
                 *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
             }
             work.built += 1;
             let method = acceptable.effective.clone();
-            self.maps.push(CachedMap { method, light, map, tested: Cell::new(None) });
+            self.maps.push(CachedMap { method, light, map, tested: Cell::new(None), deferred });
         }
         // The most recently used map of each light is the one for this picture.
         let last = |light: &Light| self.maps.iter().rfind(|map| map.light == *light).map(|map| &map.map);
         Ok(lights.iter().filter_map(last).collect())
+    }
+
+    /// Completes the shadow maps whose passes were deferred, once the picture is drawn, and adds their build time.
+    /// Returns `false` if a map is incomplete, so that the picture is invalid; the cache then lacks this map.
+    ///
+    /// # Errors
+    /// The device could not build a map.
+    pub fn complete(
+        &mut self,
+        MapSource { renderer, loaded, .. }: MapSource<'_>,
+        method: &dyn Method,
+        deferred: DeferredPasses,
+        work: &mut Work,
+    ) -> Result<bool> {
+        let results = deferred.into_results();
+        let mut is_complete = true;
+        for mut cached in std::mem::take(&mut self.maps) {
+            if let Some(results) = cached.deferred.take().and_then(|passes| results.get(passes)) {
+                if !renderer.complete(loaded, method, &mut cached.map, results)? {
+                    is_complete = false;
+                    continue;
+                }
+                let device = cached.map.report.device.map_or(0.0, |span| span.best().0);
+                *work.build_ms.get_or_insert(0.0) += device;
+            }
+            self.maps.push(cached);
+        }
+        Ok(is_complete)
     }
 
     /// Evicts the least recently used shadow maps from the cache until it has space for `missing` more. Maps of

@@ -1,10 +1,11 @@
 //! Inputs for building a shadow map: a volume, its transfer function and a light on a graphics device.
 
 use super::shader::shape_of;
-use super::{DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View};
+use super::tile_pace::Batch;
+use super::{DeferredPasses, DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View};
 use crate::error::{Error, Result};
 use crate::gpu::tuning::MAX_LIGHT_SAMPLES;
-use crate::gpu::{Gpu, Group, Kernels, Read, ShaderVariant, Slot, Span, uniform_buffer};
+use crate::gpu::{DevicePass, Gpu, Group, Kernels, Read, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Light;
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
@@ -31,6 +32,8 @@ pub struct BuildContext<'a> {
     pub light: Light,
     /// Camera view in which the shadow map is needed; `None`: at all points.
     pub view: Option<&'a View>,
+    /// Passes that wait for the submission of the picture; `None` if passes run at once.
+    pub deferred: Option<&'a DeferredPasses>,
 }
 
 /// List of shadow-map tiles (or blocks of nodes) on the device, over which a compute pass runs.
@@ -94,6 +97,12 @@ impl BuildContext<'_> {
         uniform_buffer(self.gpu(), "light space", &light_space.uniform())
     }
 
+    /// Returns a context whose passes are not deferred, for builds that read results between their passes.
+    #[must_use]
+    pub fn at_once(&self) -> Self {
+        Self { deferred: None, ..*self }
+    }
+
     /// Runs one compute pass of a shadow-map build. Its shader reads the volume and the transfer function; `shadow`
     /// and `stage` are bind groups 1 and 2 of the shader.
     ///
@@ -101,18 +110,22 @@ impl BuildContext<'_> {
     /// The device is out of memory or lost.
     pub fn run(
         &self,
-        label: &str,
+        label: &'static str,
         variant: &ShaderVariant,
         [shadow, stage]: [&Group; 2],
         workgroups: [u32; 3],
     ) -> Result<Span> {
-        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
-        Ok(self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups, &[])?.0)
+        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let groups = &[self.transfer.group(), shadow, stage];
+        let pass = DevicePass { variant, groups, workgroups };
+        self.submit_deferred()?;
+        Ok(self.kernels.run(label, &[pass], &[])?.0)
     }
 
     /// Runs a compute pass of a shadow-map build over a list, such as a list of tiles. The list is split into batches,
     /// one submission each. Binding 0 of bind group 2 is the batch's part of the list; `stage` holds the other
-    /// bindings of that group. Returns the duration, and the words of `read` after the last batch.
+    /// bindings of that group. Returns the duration, and the words of `read` after the last batch. If the pass is
+    /// deferred, the duration is zero and there are no words.
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -124,21 +137,34 @@ impl BuildContext<'_> {
         shadow: &Group,
         stage: &[(u32, Slot<'_>)],
         read: Option<Read<'_>>,
-    ) -> Result<(Span, Vec<u32>)> {
+    ) -> Result<(Span, Option<Vec<u32>>)> {
         let granule = TilePace::granule(&self.gpu().device.limits());
-        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
+        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let over = |batch: Batch| {
+            let entries = (0, Slot::read(batch.binding(list.entries)));
+            let stage = self.kernels.group(label, &[&[entries][..], stage].concat());
+            (stage, shape_of(batch.count() * list.workgroups))
+        };
+        if let Some(deferred) = self.deferred.filter(|_| self.pace.is_short(label, list.count)) {
+            let (stage, workgroups) = over(Batch::all(list.count));
+            let groups = &[self.transfer.group(), shadow, &stage];
+            let pass = DevicePass { variant, groups, workgroups };
+            deferred.push(label, list.count, self.kernels.record(label, &[pass], read.as_slice())?);
+            let gpu_ms = self.gpu().timestamp_period_ns.map(|_| 0.0);
+            return Ok((Span { gpu_ms, wall_ms: 0.0 }, None));
+        }
+        self.submit_deferred()?;
         let mut words = Vec::new();
         let span = self.pace.run_batches(label, list.count, granule, |batch| {
             self.wait_until_idle();
-            let workgroups = shape_of(batch.count() * list.workgroups);
-            let list = (0, Slot::read(batch.binding(list.entries)));
-            let stage = self.kernels.group(label, &[&[list][..], stage].concat());
-            let groups = [self.transfer.group(), shadow, &stage];
-            let (span, reads) = self.kernels.run(label, &variant, &groups, workgroups, read.as_slice())?;
+            let (stage, workgroups) = over(batch);
+            let groups = &[self.transfer.group(), shadow, &stage];
+            let pass = DevicePass { variant, groups, workgroups };
+            let (span, reads) = self.kernels.run(label, &[pass], read.as_slice())?;
             words = reads.into_iter().next().unwrap_or_default();
             Ok(span)
         })?;
-        Ok((span, words))
+        Ok((span, Some(words)))
     }
 
     /// Runs a compute pass of a shadow-map build once per step, where each step reads what earlier steps stored.
@@ -153,12 +179,21 @@ impl BuildContext<'_> {
         shadow: &Group,
         steps: &[(Group, [u32; 3])],
     ) -> Result<Span> {
-        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
-        let groups = [self.transfer.group(), shadow];
+        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let groups: Vec<_> = steps.iter().map(|(step, _)| [self.transfer.group(), shadow, step]).collect();
+        let passes = groups.iter().zip(steps);
+        let passes: Vec<_> =
+            passes.map(|(groups, (_, size))| DevicePass { variant, groups, workgroups: *size }).collect();
+        self.submit_deferred()?;
         self.pace.run_batches(label, steps.len() as u32, 1, |batch| {
             self.wait_until_idle();
-            self.kernels.run_steps(label, &variant, &groups, &steps[batch.range()])
+            Ok(self.kernels.run(label, &passes[batch.range()], &[])?.0)
         })
+    }
+
+    /// Submits deferred passes, since the next one may read what they store.
+    fn submit_deferred(&self) -> Result<()> {
+        self.deferred.map_or(Ok(()), |deferred| deferred.submit_with(self.kernels, None).map(|_| ()))
     }
 
     /// Waits until the device is idle, if the duration of submissions is limited and measured by the host's clock. The

@@ -98,7 +98,8 @@ impl<'a> TileMarch<'a> {
     }
 
     /// Runs a compute pass over all tiles of the shadow map that are built, in batches. `own` and `stage` are the
-    /// shadow method's bindings of bind groups 1 and 2. Returns the duration, and the words of `read` after the pass.
+    /// shadow method's bindings of bind groups 1 and 2. Returns the duration, and the words of `read` after the pass
+    /// ([`BuildContext::run_over`]).
     ///
     /// # Errors
     /// The device is out of memory or lost.
@@ -109,7 +110,7 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
         read: Option<Read<'_>>,
-    ) -> Result<(Span, Vec<u32>)> {
+    ) -> Result<(Span, Option<Vec<u32>>)> {
         let stage = [stage, &self.march_slots()].concat();
         let list = TileList { entries: &self.list, count: self.built, workgroups: self.workgroups_a_tile() };
         self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
@@ -128,7 +129,7 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
         read: Option<Read<'_>>,
-    ) -> Result<(Span, Vec<u32>)> {
+    ) -> Result<(Span, Option<Vec<u32>>)> {
         let tiles: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
         let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &tiles)?;
         let stage = [stage, &self.march_slots()].concat();

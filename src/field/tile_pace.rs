@@ -16,6 +16,11 @@ pub(super) struct Batch {
 const ENTRY_BYTES: u64 = 4;
 
 impl Batch {
+    /// Returns the batch of all entries of a list.
+    pub fn all(count: u32) -> Self {
+        Self { first: 0, count }
+    }
+
     /// Binds one batch's part of a list of shadow-map tiles, so that the shader sees only this part.
     pub fn binding<'a>(&self, list: &'a wgpu::Buffer) -> wgpu::BindingResource<'a> {
         wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -62,6 +67,19 @@ impl TilePace {
     /// this duration, the device has to be idle before each submission.
     pub fn is_limited(&self) -> bool {
         self.target_ms.is_finite()
+    }
+
+    /// Whether a pass over `count` list entries is expected to take at most half the intended duration of a submission,
+    /// so that a part of a picture can follow in the same submission.
+    pub(super) fn is_short(&self, pass: &'static str, count: u32) -> bool {
+        count <= self.most(pass) / 2
+    }
+
+    /// Records the duration of a pass that a submission of several passes ran.
+    pub fn learn_deferred(&self, pass: &'static str, count: u32, span: Span) {
+        if count > 0 && span.gpu_ms.is_some() {
+            self.learn(pass, count, span);
+        }
     }
 
     /// Returns the alignment of batches in a list of shadow-map tiles: each batch starts at a multiple of this number

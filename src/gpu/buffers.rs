@@ -65,7 +65,10 @@ pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Resu
     let staging = staging_buffer(gpu, bytes);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-    read_staging(gpu, &staging, gpu.submit([encoder.finish()]), bytes)
+    map_staging(gpu, [&staging].into_iter(), gpu.submit([encoder.finish()]))?;
+    let mut all = read_mapped(gpu, &staging)?;
+    all.truncate(count);
+    Ok(all)
 }
 
 /// Creates a staging buffer: data that a submission copies into it can be read by the host.
@@ -73,20 +76,31 @@ pub(super) fn staging_buffer(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
     buffer(&gpu.device, "read back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
 }
 
-/// Waits for a submission to the device, and reads the staging buffer into which it copied data.
-pub(super) fn read_staging<T: Pod>(
+/// Waits for a submission to the device, and maps the staging buffers into which it copied data.
+pub(super) fn map_staging<'a>(
     gpu: &Gpu,
-    staging: &wgpu::Buffer,
+    stagings: impl Iterator<Item = &'a wgpu::Buffer>,
     submission: wgpu::SubmissionIndex,
-    bytes: u64,
-) -> Result<Vec<T>> {
+) -> Result<()> {
     let (send, receive) = std::sync::mpsc::channel();
-    staging.map_async(wgpu::MapMode::Read, .., move |r| {
-        let _ = send.send(r);
-    });
+    for staging in stagings {
+        let send = send.clone();
+        staging.map_async(wgpu::MapMode::Read, .., move |r| {
+            let _ = send.send(r);
+        });
+    }
+    drop(send);
     gpu.wait_for(submission)?;
-    let failed = |why: String| Error::runtime("cannot read from the graphics device", &gpu.info.name, why);
-    receive.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
-    let view = staging.get_mapped_range(..bytes).map_err(|e| failed(e.to_string()))?;
-    Ok(bytemuck::pod_collect_to_vec(&view))
+    receive.iter().collect::<std::result::Result<(), _>>().map_err(|e| cannot_read(gpu, e.to_string()))
+}
+
+/// Returns the contents of a mapped staging buffer.
+pub(super) fn read_mapped<T: Pod>(gpu: &Gpu, staging: &wgpu::Buffer) -> Result<Vec<T>> {
+    let view = staging.get_mapped_range(..).map_err(|e| cannot_read(gpu, e.to_string()))?;
+    let whole = view.len() / size_of::<T>() * size_of::<T>();
+    Ok(bytemuck::pod_collect_to_vec(&view[..whole]))
+}
+
+fn cannot_read(gpu: &Gpu, why: String) -> Error {
+    Error::runtime("cannot read from the graphics device", &gpu.info.name, why)
 }

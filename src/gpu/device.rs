@@ -5,6 +5,7 @@ use super::counters::DeviceCounters;
 use super::sharing::{Sharing, Uncaptured};
 use super::tuning::Tuning;
 use crate::error::{Error, Result};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -31,7 +32,23 @@ pub struct Gpu {
     /// State that threads share: device errors that wgpu reports outside of calls (validation, out of memory), and
     /// the time until which submissions are held back.
     pub sharing: Sharing,
+    /// Number of submissions to the device, and of waits for it.
+    pub traffic: Traffic,
     lost: DeviceLoss,
+}
+
+/// Numbers of submissions to a graphics device, and of waits of the host for it, since it was opened.
+#[derive(Debug, Default)]
+pub struct Traffic {
+    submissions: AtomicU64,
+    waits: AtomicU64,
+}
+
+impl Traffic {
+    /// Returns the number of submissions, and the number of waits.
+    pub fn counts(&self) -> [u64; 2] {
+        [&self.submissions, &self.waits].map(|count| count.load(Ordering::Relaxed))
+    }
 }
 
 /// Reason why the graphics device was lost; empty while it works. All clones refer to the same device.
@@ -115,6 +132,7 @@ impl Gpu {
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             sharing,
+            traffic: Traffic::default(),
             lost,
         })
     }
@@ -145,7 +163,7 @@ impl Gpu {
 
     /// Submits commands to the graphics device. While another thread holds submissions back, it waits first.
     pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
-        self.sharing.unheld(|| self.queue.submit(commands))
+        self.submit_timed(commands).1
     }
 
     /// Submits commands to the graphics device, and returns the time of the submission on the host.
@@ -153,11 +171,13 @@ impl Gpu {
         &self,
         commands: I,
     ) -> (Instant, wgpu::SubmissionIndex) {
+        self.traffic.submissions.fetch_add(1, Ordering::Relaxed);
         self.sharing.unheld(|| (Instant::now(), self.queue.submit(commands)))
     }
 
     /// Waits until the device has finished a submission, but not for later submissions of other threads.
     pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        self.traffic.waits.fetch_add(1, Ordering::Relaxed);
         self.device
             .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
             .map_err(|e| Error::runtime("the graphics device failed", &self.info.name, e))?;

@@ -1,7 +1,8 @@
 //! Compute pipelines of one graphics device: compiles each at first use, runs it and measures its time.
 
 use super::{
-    Gpu, Group, PassTimer, PipelineStore, Read, ShaderVariant, Slot, Span, Tuning, Work, compose, read_back,
+    Gpu, Group, PassTimer, PipelineStore, Read, RecordedPass, ShaderVariant, Slot, Span, Tuning, Words, Work,
+    compose, read_back,
 };
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -20,6 +21,14 @@ pub struct DevicePass<'a> {
     pub groups: &'a [&'a Group],
     /// Number of workgroups along each axis. The pass is skipped if one of them is 0.
     pub workgroups: [u32; 3],
+}
+
+impl DevicePass<'_> {
+    /// Whether this pass certainly has the pipeline of another one.
+    fn has_pipeline_of(&self, other: &Self) -> bool {
+        let kinds = |pass: &Self| pass.groups.iter().map(|group| group.kinds.as_slice()).collect::<Vec<_>>();
+        std::ptr::eq(self.variant, other.variant) && kinds(self) == kinds(other)
+    }
 }
 
 /// Graphics device with a cache of its compiled compute pipelines.
@@ -142,20 +151,19 @@ impl Kernels {
         Ok((made?, *self.counted.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// Runs a submission with the timer, and adds its work if shaders count it.
-    fn timed(
-        &self,
-        label: &str,
-        record_all: impl FnOnce(&mut wgpu::ComputePass<'_>),
-        reads: &[Read<'_>],
-    ) -> Result<(Span, Vec<Vec<u32>>)> {
-        let ran = self.timer.compute(&self.gpu, label, record_all, reads)?;
+    /// Submits recorded passes in one submission, and waits until they are done. Returns the duration of each, and the
+    /// words that it read.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn submit(&self, passes: Vec<RecordedPass>) -> Result<Vec<(Span, Words)>> {
+        let results = self.timer.submit(&self.gpu, passes)?;
         if self.counting.load(Ordering::Relaxed) {
             let work = self.take_work()?;
             let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
             *counted = counted.plus(work);
         }
-        Ok(ran)
+        Ok(results)
     }
 
     fn take_work(&self) -> Result<Work> {
@@ -164,83 +172,50 @@ impl Kernels {
         Ok(self.gpu.counters.take_work(&self.gpu.queue, &words))
     }
 
-    /// Runs a compute pipeline with `size` workgroups, and waits until it is done. It runs nothing if a component of
-    /// `size` is 0. Returns the duration, and the words that `reads` requests.
-    ///
-    /// # Errors
-    /// The shader does not compile, or the device is lost.
-    pub fn run(
-        &self,
-        label: &str,
-        variant: &ShaderVariant,
-        groups: &[&Group],
-        size: [u32; 3],
-        reads: &[Read<'_>],
-    ) -> Result<(Span, Vec<Vec<u32>>)> {
-        self.run_all(label, &[DevicePass { variant, groups, workgroups: size }], reads)
-    }
-
     /// Runs compute pipelines one after another in one submission, and waits until they are done. Returns the duration,
     /// and the words that `reads` requests.
     ///
     /// # Errors
     /// The shader does not compile, or the device is lost.
-    pub fn run_all(
+    pub fn run(
         &self,
-        label: &str,
+        label: &'static str,
         passes: &[DevicePass<'_>],
         reads: &[Read<'_>],
-    ) -> Result<(Span, Vec<Vec<u32>>)> {
-        let useful = passes.iter().filter(|pass| pass.workgroups.iter().all(|n| *n > 0));
-        let pipelines = useful.map(|pass| Ok((self.pipeline(pass.variant, pass.groups)?, pass)));
-        let pipelines = pipelines.collect::<Result<Vec<_>>>()?;
-        let record_all = |recorded: &mut wgpu::ComputePass<'_>| {
-            for (pipeline, pass) in &pipelines {
-                record(recorded, pipeline, pass.groups, pass.workgroups);
-            }
-        };
-        self.timed(label, record_all, reads)
+    ) -> Result<(Span, Words)> {
+        let results = self.submit(vec![self.record(label, passes, reads)?])?;
+        Ok(results.into_iter().next().unwrap_or_default())
     }
 
-    /// Runs a compute pipeline once per step in one submission, and waits until all steps are done. Each step has its
-    /// own last bind group and dispatch size, and reads what earlier steps stored.
-    ///
-    /// # Errors
-    /// The shader does not compile, or the device is lost.
-    pub fn run_steps(
-        &self,
-        label: &str,
-        variant: &ShaderVariant,
-        groups: &[&Group],
-        steps: &[(Group, [u32; 3])],
-    ) -> Result<Span> {
-        let all = |last| groups.iter().copied().chain([last]).collect::<Vec<&Group>>();
-        let Some((first, _)) = steps.first() else { return Ok(Span::default()) };
-        let pipeline = self.pipeline(variant, &all(first))?;
-        let record_all = |pass: &mut wgpu::ComputePass<'_>| {
-            steps.iter().for_each(|(last, size)| record(pass, &pipeline, &all(last), *size));
-        };
-        Ok(self.timed(label, record_all, &[])?.0)
-    }
-
-    /// Submits a compute pipeline to the device, without waiting for it.
+    /// Records compute pipelines, one after another, for a later submission.
     ///
     /// # Errors
     /// The shader does not compile.
-    pub fn submit(
+    pub fn record(
         &self,
-        variant: &ShaderVariant,
-        groups: &[&Group],
-        workgroups: [u32; 3],
-    ) -> Result<wgpu::SubmissionIndex> {
-        let pipeline = self.pipeline(variant, groups)?;
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        record(&mut encoder.begin_compute_pass(&Default::default()), &pipeline, groups, workgroups);
-        Ok(self.gpu.submit([encoder.finish()]))
+        label: &'static str,
+        passes: &[DevicePass<'_>],
+        reads: &[Read<'_>],
+    ) -> Result<RecordedPass> {
+        let mut pipelines: Vec<(Arc<wgpu::ComputePipeline>, &DevicePass<'_>)> =
+            Vec::with_capacity(passes.len());
+        for pass in passes.iter().filter(|pass| pass.workgroups.iter().all(|n| *n > 0)) {
+            let pipeline = match pipelines.last().filter(|(_, last)| pass.has_pipeline_of(last)) {
+                Some((pipeline, _)) => Arc::clone(pipeline),
+                None => self.pipeline(pass.variant, pass.groups)?,
+            };
+            pipelines.push((pipeline, pass));
+        }
+        let record_all = |recorded: &mut wgpu::ComputePass<'_>| {
+            for (pipeline, pass) in &pipelines {
+                dispatch(recorded, pipeline, pass.groups, pass.workgroups);
+            }
+        };
+        Ok(self.timer.record(&self.gpu, label, record_all, reads))
     }
 }
 
-fn record(
+fn dispatch(
     pass: &mut wgpu::ComputePass<'_>,
     pipeline: &wgpu::ComputePipeline,
     groups: &[&Group],

@@ -19,7 +19,7 @@ pub use bindings::{Group, Slot};
 pub use buffers::{StorageBuffer, read_back, uniform_buffer};
 pub use clock_rate::ClockRate;
 pub use counters::{DeviceCounters, MAX_BLOCKS, WORK_KINDS, WORK_WORDS, Work};
-pub use device::{DeviceLoss, Gpu, texture_side};
+pub use device::{DeviceLoss, Gpu, Traffic, texture_side};
 pub use kernels::{DevicePass, Kernels};
 #[cfg(test)]
 pub(crate) use layout_tests::{assert_layout, wgsl_layout};
@@ -30,5 +30,5 @@ pub use textures::{
     VolumeTexture, clamp_sampler, copy_rows, solid_texture, store_texture, table_texture, texture,
     write_texels,
 };
-pub use timing::{Clock, PassTimer, Read, Span};
+pub use timing::{Clock, PassTimer, Read, RecordedPass, Span, Words};
 pub use tuning::{Tuning, WorkOrder};

@@ -51,6 +51,9 @@ pub struct Tuning {
     /// Whether a pass on the device projects bricks into the picture, instead of the host: for large volumes the host
     /// takes milliseconds, and software adapters run on the host anyway.
     pub device_tiles: bool,
+    /// Whether the build of a shadow map in a window is submitted with the picture that needs it. This needs device
+    /// timestamps: the host's clock cannot tell the build from the picture.
+    pub joint_submission: bool,
     /// Whether shaders read the table of transfer-function intervals as a storage buffer. Graphics cards read a
     /// uniform once for each different index in a subgroup; software adapters read storage buffers lane by lane.
     pub storage_tables: bool,
@@ -78,6 +81,7 @@ impl Tuning {
         workgroup_side: 16,
         order: WorkOrder::Spread,
         device_tiles: false,
+        joint_submission: false,
         storage_tables: false,
         storage_uniforms: false,
         workgroup_sums: false,
@@ -91,6 +95,7 @@ impl Tuning {
         workgroup_side: 8,
         order: WorkOrder::Blocks,
         device_tiles: true,
+        joint_submission: true,
         storage_tables: true,
         storage_uniforms: false,
         workgroup_sums: true,
@@ -137,6 +142,8 @@ impl Tuning {
                 "order=blocks" => self.order = WorkOrder::Blocks,
                 "tiles=host" => self.device_tiles = false,
                 "tiles=device" => self.device_tiles = true,
+                "builds=alone" => self.joint_submission = false,
+                "builds=joint" => self.joint_submission = true,
                 "tables=uniform" => self.storage_tables = false,
                 "tables=storage" => self.storage_tables = true,
                 "sums=pass" => self.workgroup_sums = false,
@@ -149,7 +156,7 @@ impl Tuning {
                     let why = format!("`{item}` is not a choice");
                     return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
                         "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, tiles=host|device, \
-                         tables=uniform|storage, sums=pass|workgroup, \
+                         builds=alone|joint, tables=uniform|storage, sums=pass|workgroup, \
                          arrays=private|workgroup, loops=bounded|own",
                     ));
                 }

@@ -161,7 +161,7 @@ mod tests {
             let kernels = renderer.kernels();
             let tiles =
                 DeviceTiles::new(kernels, &session.loaded, &session.transfer, &scene, plane_mm).unwrap();
-            tiles.with_pass(|pass| kernels.run_all("project", &[pass], &[])).unwrap();
+            tiles.with_pass(|pass| kernels.run("project", &[pass], &[])).unwrap();
             let [across, down] = tiles.tiles.map(|n| n as usize);
             let words =
                 read_back::<u32>(renderer.gpu(), tiles.depths(), HEAD_WORDS + 2 * across * down).unwrap();

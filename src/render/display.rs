@@ -2,12 +2,13 @@
 //! host.
 
 use super::lights::LightMaps;
+use super::output::{Band, Output, OutputPass};
 use super::pace::{Pace, Pacing};
 use super::shader::{CONSTANTS, picture_workgroups};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, LoadedVolume};
-use crate::gpu::{Gpu, ShaderVariant, Slot, Span, texture, uniform_buffer, write_texels};
+use crate::gpu::{Gpu, Kernels, ShaderVariant, Slot, Span, texture, uniform_buffer, write_texels};
 use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
 
@@ -78,7 +79,7 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
         if std::mem::replace(&mut self.begun, true) && !(self.go_on)() {
             return None;
         }
-        if self.gpu.timestamp_period_ns.is_none() {
+        if self.gpu.timestamp_period_ns.is_none() && !self.gpu.tuning.joint_submission {
             // The work of other threads must not count as a band's time by the host's clock. A lost device is reported
             // by the band itself.
             let _ = self.gpu.wait_for(self.gpu.submit([]));
@@ -89,6 +90,33 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
     fn took(&mut self, pixels: u32, span: Span) {
         self.longest_ms = self.longest_ms.max(span.best().0);
         self.pace.learn(pixels, span);
+    }
+}
+
+/// Output of a picture to a texture of the window.
+struct ToScreen<'a> {
+    kernels: &'a Kernels,
+    target: &'a DisplayTexture,
+    shader: ShaderVariant,
+}
+
+impl Output for ToScreen<'_> {
+    fn pass(&mut self, band: &Band<'_>) -> Result<Option<OutputPass>> {
+        let size = [self.target.width, band.rows];
+        let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
+        let uniform = uniform_buffer(self.kernels.gpu(), "band", &uniform);
+        let stage = [
+            (0, self.kernels.uniform(&uniform)),
+            (1, Slot::read(band.buffer.as_entire_binding())),
+            (2, Slot::store(&self.target.view, wgpu::TextureFormat::Rgba8Unorm)),
+        ];
+        let stage = self.kernels.group("display", &stage);
+        let workgroups = picture_workgroups(size[0], size[1]);
+        Ok(Some(OutputPass { shader: self.shader.clone(), stage, workgroups }))
+    }
+
+    fn finished(&mut self, _band: &Band<'_>) -> Result<bool> {
+        Ok(true)
     }
 }
 
@@ -133,30 +161,11 @@ impl Renderer {
         go_on: impl FnMut() -> bool,
     ) -> Result<Option<Drawn>> {
         let scene = Scene { width: target.width, height: target.height, ..scene.clone() };
-        let shader = shader();
         pace.begin();
         let mut pacing = OnScreen { gpu: self.gpu(), pace, go_on, begun: false, longest_ms: 0.0 };
-        let mut encoded = None;
         let shadows = shadows.into();
-        let maps = shadows.clone();
-        let drawn = self.draw(loaded, transfer, shadows, &scene, &mut pacing, |band| {
-            let Some(map) = maps.maps().first() else { return Ok(false) };
-            let size = [scene.width, band.rows];
-            let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
-            let uniform = uniform_buffer(self.gpu(), "band", &uniform);
-            let stage = [
-                (0, self.kernels.uniform(&uniform)),
-                (1, Slot::read(band.buffer.as_entire_binding())),
-                (2, Slot::store(&target.view, wgpu::TextureFormat::Rgba8Unorm)),
-            ];
-            let groups = [transfer.group(), &map.group, &self.kernels.group("display", &stage)];
-            // The next band does not wait for the encoding of this one.
-            encoded = Some(self.kernels.submit(&shader, &groups, picture_workgroups(size[0], size[1]))?);
-            Ok(true)
-        })?;
-        if let Some(submission) = encoded {
-            self.gpu().wait_for(submission)?;
-        }
+        let mut output = ToScreen { kernels: &self.kernels, target, shader: shader() };
+        let drawn = self.draw(loaded, transfer, shadows, &scene, &mut pacing, &mut output)?;
         let longest_band_ms = pacing.longest_ms;
         Ok(drawn.map(|(plan, span, _)| Drawn { plan, span, longest_band_ms }))
     }

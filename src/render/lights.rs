@@ -1,23 +1,34 @@
 //! Lights of a picture: the shadow map of each light, and one rendering pass over the picture per light.
 
 use crate::error::{Error, Result};
+use crate::field::DeferredPasses;
 use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 
 /// Shadow maps of a scene's lights that are not black, in the order of the lights ([`Scene::shining`]).
 #[derive(Clone)]
-pub struct LightMaps<'a>(Vec<&'a ShadowMap>);
+pub struct LightMaps<'a> {
+    maps: Vec<&'a ShadowMap>,
+    /// Build passes of these maps that wait for the submission of the picture.
+    pub(super) deferred: Option<&'a DeferredPasses>,
+}
 
 impl<'a> LightMaps<'a> {
     /// Returns the shadow maps, one per light that is not black, in the order of the scene's lights.
     pub fn maps(&self) -> &[&'a ShadowMap] {
-        &self.0
+        &self.maps
+    }
+
+    /// Adds build passes of these maps. The first submission of a picture submits them too, before its own passes.
+    #[must_use]
+    pub fn after(self, deferred: &'a DeferredPasses) -> Self {
+        Self { deferred: Some(deferred), ..self }
     }
 
     /// Returns an error if the number of shadow maps differs from the number of the scene's lights that are not
     /// black.
     pub(super) fn checked(self, scene: &Scene) -> Result<Self> {
-        let (maps, lights) = (self.0.len(), scene.shining().len());
+        let (maps, lights) = (self.maps.len(), scene.shining().len());
         match maps == lights && maps > 0 {
             true => Ok(self),
             false => {
@@ -30,19 +41,19 @@ impl<'a> LightMaps<'a> {
 
 impl<'a> From<&'a ShadowMap> for LightMaps<'a> {
     fn from(map: &'a ShadowMap) -> Self {
-        Self(vec![map])
+        vec![map].into()
     }
 }
 
 impl<'a> From<Vec<&'a ShadowMap>> for LightMaps<'a> {
     fn from(maps: Vec<&'a ShadowMap>) -> Self {
-        Self(maps)
+        Self { maps, deferred: None }
     }
 }
 
 impl<'a> From<&'a [ShadowMap]> for LightMaps<'a> {
     fn from(maps: &'a [ShadowMap]) -> Self {
-        Self(maps.iter().collect())
+        maps.iter().collect::<Vec<_>>().into()
     }
 }
 

@@ -1,53 +1,22 @@
 //! Renders pictures by ray casting, band of rows by band of rows, into host memory. [`super::display`] draws pictures
 //! into the textures of a window.
 
+use super::frame_uniform::{FrameUniform, frame_uniform};
 use super::lights::{LightMaps, LightPass};
+use super::output::{Band, Output, OutputPass, ToHost};
 use super::pace::{AtOnce, Pace, Pacing};
-use super::plan::{PictureTiles, plane_distance_mm};
+use super::plan::PictureTiles;
 use super::shader::{PICTURE_SIDE, background_shader};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{DeviceDirections, DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
+use crate::field::{DeferredPasses, DeviceDirections, DeviceTransfer, FAR, LoadedVolume, shape_of};
 use crate::gpu::tuning::BLOCK_SIDE;
-use crate::gpu::{
-    DevicePass, Gpu, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer,
-};
-use crate::scene::{LightSource, Scene, Shading};
+use crate::gpu::{DevicePass, Gpu, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, uniform_buffer};
+use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
-use crate::volume::Volume;
-use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 use ndarray::Array3;
 use std::cell::Cell;
 use std::time::Instant;
-
-/// Uniform of the camera, the light and the background of a picture: `Frame` of `shaders/render/frame.wgsl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct FrameUniform {
-    pub plane_center: [f32; 3],
-    pub plane_distance_mm: f32,
-    pub grid_forward: [f32; 3],
-    pub step_mm: f32,
-    pub grid_right: [f32; 3],
-    pub ambient: f32,
-    pub grid_up: [f32; 3],
-    pub first_row: u32,
-    pub background: [f32; 3],
-    pub rows: u32,
-    pub half_extent: [f32; 2],
-    pub size: [u32; 2],
-    pub world_x: [f32; 3],
-    pub shading_weight: f32,
-    pub world_y: [f32; 3],
-    pub tiles_cast: u32,
-    pub world_z: [f32; 3],
-    pub padding_c: f32,
-    pub light: [f32; 3],
-    pub adds: u32,
-    pub first_tile: [u32; 2],
-    pub part_tiles: [u32; 2],
-}
 
 /// Rendered picture in host memory, with the time to draw it and the plan of needed and skipped work.
 pub struct Picture {
@@ -61,14 +30,6 @@ pub struct Picture {
     /// Plan of the rendered picture: the work that its scene needed, such as queries for transmittance, and the work
     /// that was skipped.
     pub plan: Plan,
-}
-
-/// Band of picture rows that is finished, in a device buffer.
-pub(crate) struct Band<'a> {
-    /// Pixels of the band of picture rows as `rows x width x 4` floats: linear RGB and opacity.
-    pub buffer: &'a wgpu::Buffer,
-    pub first_row: u32,
-    pub rows: u32,
 }
 
 /// Marker for a pixel whose eye ray has not started, in the buffer that holds how far each eye ray has been marched.
@@ -116,14 +77,13 @@ impl Renderer {
         shadows: LightMaps<'_>,
         scene: &Scene,
         pacing: &mut dyn Pacing,
-        mut go_on: impl FnMut(f32) -> bool,
+        go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
         let (width, height) = (scene.width as usize, scene.height as usize);
-        let mut pixels = Vec::with_capacity(width * height * 4);
-        let drawn = self.draw(loaded, transfer, shadows, scene, pacing, |band| {
-            pixels.extend(read_back::<f32>(self.gpu(), band.buffer, band.rows as usize * width * 4)?);
-            Ok(go_on((band.first_row + band.rows) as f32 / height as f32))
-        })?;
+        let pixels = Vec::with_capacity(width * height * 4);
+        let mut output = ToHost { gpu: self.gpu(), pixels, size: [width, height], go_on };
+        let drawn = self.draw(loaded, transfer, shadows, scene, pacing, &mut output)?;
+        let pixels = output.pixels;
         let Some((plan, span, host_ms)) = drawn else { return Ok(None) };
         let broken = |why: String| Error::runtime("cannot render", "picture", why);
         let pixels = Array3::from_shape_vec((height, width, 4), pixels).map_err(|e| broken(e.to_string()))?;
@@ -131,16 +91,16 @@ impl Renderer {
     }
 
     /// Casts the eye rays of a picture in bands of rows; `pacing` chooses the number of pixels per submission.
-    /// Returns the plan, the time, and the host's part of the time in ms; `None` if `pacing` or `finished` stopped the
+    /// Returns the plan, the time, and the host's part of the time in ms; `None` if `pacing` or `output` stopped the
     /// drawing.
-    pub(crate) fn draw(
+    pub(super) fn draw(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         shadows: LightMaps<'_>,
         scene: &Scene,
         pacing: &mut dyn Pacing,
-        mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
+        output: &mut dyn Output,
     ) -> Result<Option<(Plan, Span, f64)>> {
         let shadows = shadows.checked(scene)?;
         let maps = shadows.maps();
@@ -163,7 +123,9 @@ impl Renderer {
             scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
         let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
         let counts = Cell::new(None);
-        let caster = Caster { loaded, transfer, scene, tiles, counts, passes, mesh, directions };
+        let none = DeferredPasses::default();
+        let deferred = shadows.deferred.unwrap_or(&none);
+        let caster = Caster { loaded, transfer, scene, deferred, tiles, counts, passes, mesh, directions };
         let (width, height) = (scene.width, scene.height);
         // The adapter has to bind the buffer of a band.
         let row_bytes = u64::from(width) * 16;
@@ -186,10 +148,11 @@ impl Renderer {
                     buffer
                 }
             };
-            if !self.cast_band(&caster, &buffer, (first_row, rows), (pixels, pacing), &mut span)? {
-                return Ok(None);
-            }
-            if !finished(&Band { buffer: &buffer, first_row, rows })? {
+            let band = Band { buffer: &buffer, first_row, rows };
+            let after = output.pass(&band)?;
+            if !self.cast_band(&caster, &band, (pixels, pacing), after.as_ref(), &mut span)?
+                || !output.finished(&band)?
+            {
                 return Ok(None);
             }
             first_row += rows;
@@ -199,13 +162,13 @@ impl Renderer {
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
-    /// `pixels` pixels. Returns `false` if `pacing` stopped the drawing.
+    /// `pixels` pixels. The last one also runs `after`. Returns `false` if `pacing` stopped the drawing.
     fn cast_band(
         &self,
         caster: &Caster<'_>,
-        buffer: &wgpu::Buffer,
-        (first_row, rows): (u32, u32),
+        &Band { buffer, first_row, rows }: &Band<'_>,
         (pixels, pacing): (u32, &mut dyn Pacing),
+        after: Option<&OutputPass>,
         span: &mut Span,
     ) -> Result<bool> {
         let width = caster.scene.width;
@@ -247,7 +210,10 @@ impl Renderer {
                 let stage = self.kernels.group("frame", &stage);
                 // The first pass draws the background.
                 let left_out = if i == 0 { tiles.left_out } else { 0 };
-                let took = self.cast_part(caster, pass, &stage, [left_out, tiles.cast], &progress)?;
+                let is_last = i + 1 == caster.passes.len() && first_column + columns >= width;
+                let after = after.filter(|_| is_last);
+                let took =
+                    self.cast_part(caster, pass, (&stage, &progress), [left_out, tiles.cast], after)?;
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
             if let Some(took) = part {
@@ -260,14 +226,15 @@ impl Renderer {
     }
 
     /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `tiles`
-    /// holds the number of picture tiles without eye rays, and the number of those with eye rays.
+    /// holds the number of picture tiles without eye rays, and the number of those with eye rays. `after` runs at the
+    /// end of each submission.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
         pass: &Pass<'_>,
-        stage: &Group,
+        (stage, progress): (&Group, &wgpu::Buffer),
         tiles: [u32; 2],
-        progress: &wgpu::Buffer,
+        after: Option<&OutputPass>,
     ) -> Result<Span> {
         let groups = [caster.transfer.group(), &pass.shadow.group, stage];
         let groups: Vec<_> = groups.into_iter().chain(&caster.mesh).collect();
@@ -276,6 +243,17 @@ impl Renderer {
         let [left_out, cast] = tiles.map(workgroups);
         let mut fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
         let rays = DevicePass { variant: &pass.shader, groups: &groups, workgroups: cast };
+        let after_groups = after.map(|after| [caster.transfer.group(), &pass.shadow.group, &after.stage]);
+        let after = after.zip(after_groups.as_ref()).map(|(after, groups)| DevicePass {
+            variant: &after.shader,
+            groups,
+            workgroups: after.workgroups,
+        });
+        let cast = |passes: &[DevicePass<'_>], reads: &[Read<'_>]| {
+            let passes = [passes, after.as_slice()].concat();
+            let recorded = self.kernels.record("ray cast", &passes, reads)?;
+            caster.deferred.submit_with(&self.kernels, Some(recorded))
+        };
         loop {
             let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
             let mut reads = unfinished.as_slice().to_vec();
@@ -283,14 +261,12 @@ impl Renderer {
                 // The first submission also finds the tiles.
                 PictureTiles::OnDevice(tiles) if caster.counts.get().is_none() => {
                     reads.push(tiles.read());
-                    let ran = tiles.with_pass(|project| {
-                        self.kernels.run_all("ray cast", &[project, fill, rays], &reads)
-                    })?;
+                    let ran = tiles.with_pass(|project| cast(&[project, fill, rays], &reads))?;
                     let head = ran.1.last().map_or(&[][..], |words| words);
                     caster.counts.set(Some(tiles.counts(head)));
                     ran
                 }
-                _ => self.kernels.run_all("ray cast", &[fill, rays], &reads)?,
+                _ => cast(&[fill, rays], &reads)?,
             };
             // Later dispatches only continue rays.
             fill.workgroups = [0; 3];
@@ -309,6 +285,8 @@ struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
     scene: &'a Scene,
+    /// Build passes of shadow maps, which the first submission of the picture runs too.
+    deferred: &'a DeferredPasses,
     tiles: PictureTiles,
     /// Number of all tiles of the picture and of empty ones, once the device has found them.
     counts: Cell<Option<[usize; 2]>>,
@@ -390,50 +368,9 @@ fn workgroups(tiles: u32) -> [u32; 3] {
     }
 }
 
-/// Returns the uniform of a picture's camera and scene, with the values that do not differ between submissions.
-fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
-    let grid_from_world = grid_from_world(volume);
-    let world_from_grid = grid_from_world.inverse().matrix3;
-    let frame = scene.camera.frame();
-    let distance = plane_distance_mm(scene, volume);
-    let plane_center = scene.camera.eye + distance * frame.forward;
-    let f32s = |v: DVec3| v.as_vec3().to_array();
-    let grid = |v: DVec3| f32s(grid_from_world.transform_vector3(v));
-    let tan = (0.5 * scene.camera.fov_deg.to_radians()).tan();
-    let aspect = f64::from(scene.width) / f64::from(scene.height);
-    FrameUniform {
-        plane_center: f32s(grid_from_world.transform_point3(plane_center)),
-        plane_distance_mm: distance as f32,
-        grid_forward: grid(frame.forward),
-        step_mm: (scene.step * volume.min_spacing_mm()) as f32,
-        grid_right: grid(frame.right),
-        ambient: scene.ambient as f32,
-        grid_up: grid(frame.up),
-        background: scene.background.map(|c| c as f32),
-        half_extent: [(aspect * tan) as f32, tan as f32],
-        size: [scene.width, scene.height],
-        world_x: f32s(world_from_grid.x_axis),
-        shading_weight: if scene.shading == Shading::None { 0.0 } else { 1.0 },
-        world_y: f32s(world_from_grid.y_axis),
-        world_z: f32s(world_from_grid.z_axis),
-        ..Zeroable::zeroed()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::assert_layout;
-    use crate::render::eye_tiles::TileUniform;
-
-    #[test]
-    fn frames_have_one_layout() {
-        let shader = &crate::render::shaders(None)[0];
-        assert_layout!(shader, "Tile", TileUniform: at, nearest_mm, farthest_mm);
-        assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
-            ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
-            tiles_cast, world_z, light, adds, first_tile, part_tiles);
-    }
 
     #[test]
     fn parts_are_whole_workgroups_of_a_minimum_width() {

@@ -4,7 +4,7 @@ use super::Renderer;
 use super::shader::CONSTANTS;
 use crate::error::Result;
 use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups};
-use crate::gpu::{ShaderVariant, Slot, StorageBuffer, read_back};
+use crate::gpu::{DevicePass, Read, ShaderVariant, Slot, StorageBuffer};
 use crate::shadow::{Lookup, ShadowMap};
 use glam::DVec3;
 
@@ -48,8 +48,11 @@ impl Renderer {
             let stage =
                 [(0, Slot::read(points.as_entire_binding())), (1, Slot::read_write(results_of_chunk))];
             let groups = [transfer.group(), &shadow.group, &self.kernels.group("query", &stage)];
-            self.kernels.run("query", &shader, &groups, line_of_workgroups(chunk.len()), &[])?;
-            results.extend(read_back::<f32>(gpu, &values, chunk.len())?);
+            let workgroups = line_of_workgroups(chunk.len());
+            let pass = DevicePass { variant: &shader, groups: &groups, workgroups };
+            let read = Read { buffer: &values, words: chunk.len() };
+            let (_, words) = self.kernels.run("query", &[pass], &[read])?;
+            results.extend(words.into_iter().flatten().map(f32::from_bits));
         }
         Ok(results)
     }

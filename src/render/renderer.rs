@@ -3,7 +3,9 @@
 use super::mesh::MeshCache;
 use super::plan::needs_shadows;
 use crate::error::Result;
-use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View};
+use crate::field::{
+    DeferredPasses, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View,
+};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap};
@@ -94,7 +96,7 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
-        self.build(loaded, transfer, method, light, None)
+        self.build((loaded, transfer), method, light, None, None)
     }
 
     /// Returns the shadow method for a picture of a scene: the given one, or [`NoShadows`] if no visible point can
@@ -122,23 +124,65 @@ impl Renderer {
         (scene, light): (&Scene, Light),
         view: Option<&View>,
     ) -> Result<ShadowMap> {
-        let method = self.effective_method(loaded, transfer, method, scene);
-        self.build(loaded, transfer, method, light, view)
+        self.shadow_with((loaded, transfer), method, (scene, light), view, None)
+    }
+
+    /// Builds a shadow map like [`Self::shadow_in`]. With `deferred`, passes wait there for the submission of a
+    /// picture ([`LightMaps::after`]), and [`Self::complete`] has to follow.
+    ///
+    /// # Errors
+    /// See [`Self::shadow`].
+    ///
+    /// [`LightMaps::after`]: super::LightMaps::after
+    pub fn shadow_with(
+        &self,
+        field: (&LoadedVolume, &DeviceTransfer),
+        method: &dyn Method,
+        (scene, light): (&Scene, Light),
+        view: Option<&View>,
+        deferred: Option<&DeferredPasses>,
+    ) -> Result<ShadowMap> {
+        let method = self.effective_method(field.0, field.1, method, scene);
+        self.build(field, method, light, view, deferred)
+    }
+
+    /// Completes the report of a shadow map with the results of its deferred passes. Returns `false` if the map is
+    /// incomplete and must be built again; the picture drawn with it is invalid.
+    ///
+    /// # Errors
+    /// The device could not build the map.
+    pub fn complete(
+        &self,
+        loaded: &LoadedVolume,
+        method: &dyn Method,
+        map: &mut ShadowMap,
+        results: &[Option<DeferredResult>],
+    ) -> Result<bool> {
+        let Some(results) = results.iter().map(Option::as_ref).collect::<Option<Vec<_>>>() else {
+            return Ok(false);
+        };
+        for result in &results {
+            self.tile_pace.learn_deferred(result.label, result.count, result.span);
+            map.report.device = Some(map.report.device.map_or(result.span, |span| span.plus(result.span)));
+        }
+        let words = results.iter().rev().find_map(|result| result.words.first());
+        words.map_or(Ok(true), |words| method.complete(&mut map.report, words, &loaded.node_pools))
     }
 
     fn build(
         &self,
-        loaded: &LoadedVolume,
-        transfer: &DeviceTransfer,
+        (loaded, transfer): (&LoadedVolume, &DeviceTransfer),
         method: &dyn Method,
         light: Light,
         view: Option<&View>,
+        deferred: Option<&DeferredPasses>,
     ) -> Result<ShadowMap> {
         let start = Instant::now();
         let made_before = transfer.march_table().is_some();
         let LoadedVolume { volume, strands, node_pools, .. } = loaded;
         let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
-        let context = BuildContext { kernels, pace, node_pools, volume, transfer, strands, light, view };
+        let context =
+            BuildContext { kernels, pace, node_pools, volume, transfer, strands, light, view, deferred };
         let mut map = method.build(&context)?;
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);

@@ -5,7 +5,7 @@ use super::keys::{Lookups, MAP, MARCH};
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, NodePool, Optimization, TILE_TEXELS, marches_cells};
+use crate::field::{BuildContext, LightSpace, NodePool, NodePools, Optimization, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
 use std::fmt;
 use std::hash::{Hash, Hasher};
@@ -392,6 +392,17 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// # Errors
     /// A shadow map that is too large for the graphics adapter.
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap>;
+    /// Completes the report of a shadow map whose passes were deferred ([`DeferredPasses`]), from the words that the
+    /// last of them read. Returns `false` if the map is incomplete: it must not be used, and is built again.
+    ///
+    /// # Errors
+    /// The device could not build the map.
+    ///
+    /// [`DeferredPasses`]: crate::field::DeferredPasses
+    fn complete(&self, report: &mut BuildReport, words: &[u32], _pools: &NodePools) -> Result<bool> {
+        report.texels_hit = words.first().map(|n| u64::from(*n));
+        Ok(true)
+    }
 
     /// Returns the name of the shadow method on the command line and in tables.
     fn name(&self) -> &'static str {

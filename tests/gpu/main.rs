@@ -17,6 +17,7 @@ mod folded;
 mod forced;
 mod golden;
 mod invariance;
+mod joint;
 mod kajiya_kay;
 mod kept;
 mod labels;

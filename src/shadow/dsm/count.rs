@@ -4,7 +4,7 @@
 use super::layout::{self, DEPTH_STEPS, NAME};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, NO_TILE, TILE, line_of_workgroups};
-use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
+use crate::gpu::{DevicePass, Kernels, Read, ShaderVariant, Slot, StorageBuffer};
 use crate::shadow::method::ShadowMap;
 use ndarray::Array2;
 
@@ -82,8 +82,10 @@ pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap
             (1, Slot::read_write(node_counts.as_entire_binding())),
         ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("node count", &stage)];
-        kernels.run("node count", &shader(), &groups, line_of_workgroups(here), &[])?;
-        counts.extend(read_back::<u32>(gpu, &node_counts, here)?);
+        let (variant, workgroups) = (&shader(), line_of_workgroups(here));
+        let pass = DevicePass { variant, groups: &groups, workgroups };
+        let (_, words) = kernels.run("node count", &[pass], &[Read { buffer: &node_counts, words: here }])?;
+        counts.extend(words.into_iter().flatten());
     }
     NodeMap::from_counts(map_size, counts).map(Some)
 }
@@ -123,9 +125,11 @@ pub fn node_depths(
             (1, Slot::read_write(node_steps.as_entire_binding())),
         ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("steps of nodes", &stage)];
-        kernels.run("steps of nodes", &steps_shader(), &groups, line_of_workgroups(places.len()), &[])?;
-        let steps = read_back::<u32>(gpu, &node_steps, total as usize)?;
-        let mut rest = &steps[..];
+        let (variant, workgroups) = (&steps_shader(), line_of_workgroups(places.len()));
+        let pass = DevicePass { variant, groups: &groups, workgroups };
+        let read = Read { buffer: &node_steps, words: total as usize };
+        let (_, words) = kernels.run("steps of nodes", &[pass], &[read])?;
+        let mut rest = words.first().map_or(&[][..], |steps| steps);
         for count in counts {
             let (texel_steps, others) = rest.split_at(count as usize);
             rest = others;

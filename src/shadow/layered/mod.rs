@@ -242,7 +242,7 @@ impl LayeredMap {
         let map_slots = &slots[1..];
         let (label, shader) = ("layered map build", self.build_shader());
         let read = Read { buffer: stage, words: 1 };
-        let (mut device, texels_hit) =
+        let (mut device, words) =
             built.tiles.run(label, &shader, map_slots, &[store, counted], Some(read))?;
         let with_depth_pass =
             self.record.depths > 0 && context.transfer.disabled.has(Optimization::DepthPass);
@@ -262,7 +262,7 @@ impl LayeredMap {
             // The storage texture is allocated in whole lines.
             bytes: self.record.texture_bytes(count) + other_bytes,
             bytes_used: count * self.record.bytes() + other_bytes,
-            texels_hit: texels_hit.first().map(|n| u64::from(*n)),
+            texels_hit: Some(words.map_or(0, |words| words[0].into())),
             tiles: built.tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.record.bytes(),

@@ -76,6 +76,7 @@ fn coarse_map(map: &LayeredMap) -> LayeredMap {
 
 fn curves<'a>(context: &BuildContext<'a>, layered_map: &LayeredMap, map: u32) -> Result<Built<'a>> {
     let shape = MapShape { texels: Some(map), ..layered_map.shape };
+    let context = &context.at_once();
     coarse_map(layered_map).build(context, TileMarch::fit(context, shape)?, None)
 }
 

@@ -225,7 +225,7 @@ impl VectorMapDescriptor {
         let stage =
             [(1, Slot::store(&atlas, self.storage.format())), (2, Slot::read_write(hit.as_entire_binding()))];
         let read = Read { buffer: &hit, words: 1 };
-        let (span, texels_hit) =
+        let (span, words) =
             tiles.run("map of vectors build", &self.build_shader(), &slots, &stage, Some(read))?;
 
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
@@ -247,7 +247,7 @@ impl VectorMapDescriptor {
             bytes: texels_stored * self.texel_bytes() + tiles.table_bytes(),
             bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
                 + tiles.table_bytes(),
-            texels_hit: texels_hit.first().map(|n| u64::from(*n)),
+            texels_hit: Some(words.map_or(0, |words| words[0].into())),
             tiles: tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_SIDE * TILE_SIDE) * self.texel_bytes(),

@@ -1,0 +1,47 @@
+//! Output of a picture, band of rows by band of rows.
+
+use crate::error::Result;
+use crate::gpu::{Gpu, Group, ShaderVariant, read_back};
+
+/// Band of picture rows that is finished, in a device buffer.
+pub(super) struct Band<'a> {
+    /// Pixels of the band of picture rows as `rows x width x 4` floats: linear RGB and opacity.
+    pub buffer: &'a wgpu::Buffer,
+    pub first_row: u32,
+    pub rows: u32,
+}
+
+/// Destination of a picture's bands of rows.
+pub(super) trait Output {
+    /// Returns the pass that processes a band on the device, in the submission that finishes the band.
+    fn pass(&mut self, _band: &Band<'_>) -> Result<Option<OutputPass>> {
+        Ok(None)
+    }
+
+    /// Processes a band that is finished on the device. If it returns `false`, the drawing stops.
+    fn finished(&mut self, band: &Band<'_>) -> Result<bool>;
+}
+
+/// Pass that processes a finished band on the device.
+pub(super) struct OutputPass {
+    pub shader: ShaderVariant,
+    /// Bind group 2 of the pass; groups 0 and 1 are those of the pass that casts rays.
+    pub stage: Group,
+    pub workgroups: [u32; 3],
+}
+
+/// Output of a picture to host memory. `go_on` receives the finished share of the picture, and may stop the drawing.
+pub(super) struct ToHost<'a, G: FnMut(f32) -> bool> {
+    pub gpu: &'a Gpu,
+    pub pixels: Vec<f32>,
+    pub size: [usize; 2],
+    pub go_on: G,
+}
+
+impl<G: FnMut(f32) -> bool> Output for ToHost<'_, G> {
+    fn finished(&mut self, band: &Band<'_>) -> Result<bool> {
+        let [width, height] = self.size;
+        self.pixels.extend(read_back::<f32>(self.gpu, band.buffer, band.rows as usize * width * 4)?);
+        Ok((self.go_on)((band.first_row + band.rows) as f32 / height as f32))
+    }
+}

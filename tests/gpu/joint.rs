@@ -1,0 +1,131 @@
+//! Shadow maps that are built in the submission of the picture, as in a window on a graphics card.
+
+use super::*;
+use umbravox::engine::{CachedSession, MapCoverage, ReusePolicy, ShadowCache, Work};
+use umbravox::field::DeferredPasses;
+use umbravox::render::{DisplayTexture, LightMaps, Pace, Screen};
+use umbravox::scene::LightSource;
+
+/// Window's session: a renderer that reuses memory, and an empty cache of shadow maps.
+fn window(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<CachedSession> {
+    let mut gpu = common::gpu()?;
+    gpu.tuning.joint_submission = true;
+    let renderer = Arc::new(Renderer::live(gpu, f64::INFINITY));
+    let cache = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Covering);
+    let mut session = CachedSession::new(renderer, DisabledOptimizations::NONE, cache);
+    session.load(Arc::clone(volume), None).unwrap();
+    session.set_transfer(tf, &mut Work::default()).unwrap();
+    Some(session)
+}
+
+/// Draws a picture whose maps are built with it. Returns whether the maps are complete.
+fn draw(session: &mut CachedSession, method: &str, scene: &Scene, target: &DisplayTexture) -> bool {
+    let method = shadow::parse(method).unwrap();
+    let (deferred, extent) = (DeferredPasses::default(), (scene, MapCoverage::Picture));
+    let mut work = Work::default();
+    let made = session.prepare_with(method.as_ref(), extent, &mut work, Some(&deferred)).unwrap();
+    let shadows = LightMaps::from(made.shadows).after(&deferred);
+    let mut pace = Pace::new(f64::INFINITY);
+    let screen = Screen { target, pace: &mut pace };
+    made.renderer.draw_to(screen, (made.loaded, made.transfer), shadows, scene, || true).unwrap().unwrap();
+    session.complete(method.as_ref(), deferred, &mut work).unwrap()
+}
+
+fn picture(session: &mut CachedSession, method: &str, scene: &Scene) -> Array3<f32> {
+    let method = shadow::parse(method).unwrap();
+    let extent = (scene, MapCoverage::Picture);
+    session.prepare(method.as_ref(), extent, &mut Work::default()).unwrap().render(scene).unwrap().pixels
+}
+
+fn reports(session: &mut CachedSession, method: &str, scene: &Scene) -> Vec<[Option<u64>; 4]> {
+    let method = shadow::parse(method).unwrap();
+    let mut work = Work::default();
+    let made = session.prepare(method.as_ref(), (scene, MapCoverage::Picture), &mut work).unwrap();
+    assert_eq!(work.built, 0, "{method:?}: the completed map is in the cache");
+    let counts = |map: &&ShadowMap| {
+        let report = &map.report;
+        [report.nodes_total, report.nodes_max, report.texels_hit, Some(report.bytes_used)]
+    };
+    made.shadows.iter().map(counts).collect()
+}
+
+fn scene_at(volume: &Volume, turn: f64) -> Scene {
+    let light = Light::Directional { toward: DVec3::new(turn.cos(), turn.sin(), 0.8).normalize() };
+    let scene = Scene { width: 96, height: 80, ..Scene::framing(volume) };
+    Scene { lights: vec![LightSource { light, ..scene.lights[0] }], ..scene }
+}
+
+#[test]
+fn a_moved_light_takes_one_submission_and_one_wait() {
+    let volume = phantom("thorax:48");
+    let tf = opacity(&[(-600.0, 0.0), (-200.0, 0.05), (200.0, 0.3), (600.0, 0.6)]);
+    let Some(mut joint) = window(&volume, &tf) else { return };
+    let Some(mut alone) = window(&volume, &tf) else { return };
+    let targets =
+        [&joint, &alone].map(|session| DisplayTexture::new(session.renderer.gpu(), 96, 80).unwrap());
+    for method in ["dsm:map=64", "osm:map=64", "bom:map=64", "fourier:map=64", "avsm:map=64"] {
+        for step in 0..3 {
+            let scene = scene_at(&volume, 0.02 * f64::from(step));
+            let before = joint.renderer.gpu().traffic.counts();
+            assert!(draw(&mut joint, method, &scene, &targets[0]), "{method}");
+            let after = joint.renderer.gpu().traffic.counts();
+            if step > 0 {
+                // Before the first picture, shaders compile, and the size of the pool is unknown.
+                assert_eq!([0, 1].map(|i| after[i] - before[i]), [1, 1], "{method}: submissions and waits");
+            }
+            let reported = reports(&mut joint, method, &scene);
+            let pixels = picture(&mut joint, method, &scene);
+            alone
+                .prepare(
+                    shadow::parse(method).unwrap().as_ref(),
+                    (&scene, MapCoverage::Picture),
+                    &mut Work::default(),
+                )
+                .unwrap();
+            assert_eq!(reported, reports(&mut alone, method, &scene), "{method}");
+            assert_eq!(pixels, picture(&mut alone, method, &scene), "{method}");
+        }
+    }
+}
+
+#[test]
+fn a_map_that_lacks_memory_is_built_again() {
+    // Across the layers, a light ray has two nodes; along z, it has hundreds.
+    let value = |(k, _, _): (usize, usize, usize)| 1000.0 * (k % 2) as f32;
+    let volume = volume_of(Voxels::F32(Array3::from_shape_fn((96, 32, 32), value)), DAffine3::IDENTITY);
+    let volume = Arc::new(volume);
+    let haze = extinction(&[(0.0, 0.002), (1000.0, 0.03)]);
+    let Some(mut session) = window(&volume, &haze) else { return };
+    let target = DisplayTexture::new(session.renderer.gpu(), 96, 80).unwrap();
+    let scene = |toward: DVec3| {
+        let scene = Scene { width: 96, height: 80, ..Scene::framing(&volume) };
+        Scene {
+            lights: vec![LightSource { light: Light::Directional { toward }, ..scene.lights[0] }],
+            ..scene
+        }
+    };
+    let [across, along] = [scene(DVec3::X), scene(DVec3::new(0.0, 0.0, -1.0))];
+    let method = "dsm:epsilon=0.0002,map=64";
+    assert!(draw(&mut session, method, &across, &target));
+    assert!(!draw(&mut session, method, &along, &target), "the pool is too small for this light");
+    let mut work = Work::default();
+    let extent = (&along, MapCoverage::Picture);
+    let made = session.prepare(shadow::parse(method).unwrap().as_ref(), extent, &mut work).unwrap();
+    assert_eq!((work.built, made.shadows[0].report.pool_growths), (1, 0), "its size is known now");
+    assert!(made.shadows[0].report.nodes_max.unwrap() > 14, "more than two rows");
+}
+
+#[test]
+fn a_map_whose_picture_is_not_drawn_is_discarded() {
+    let volume = phantom("sphere:24");
+    let tf = extinction(&[(300.0, 0.0), (700.0, 0.2)]);
+    let Some(mut session) = window(&volume, &tf) else { return };
+    let (method, scene) = (shadow::parse("osm:map=32").unwrap(), scene_at(&volume, 0.0));
+    let extent = (&scene, MapCoverage::Picture);
+    let deferred = DeferredPasses::default();
+    session.prepare_with(method.as_ref(), extent, &mut Work::default(), Some(&deferred)).unwrap();
+    assert!(!deferred.is_empty());
+    let mut work = Work::default();
+    session.prepare(method.as_ref(), extent, &mut work).unwrap();
+    assert_eq!(work.built, 1);
+}
