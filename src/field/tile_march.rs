@@ -4,7 +4,7 @@
 use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
 use super::strand_lines::line_words;
-use super::{BuildContext, LightSpace, MapShape, March, Optimization, TileList};
+use super::{BuildContext, LightSpace, MapShape, March, Optimization, TileList, TileSet};
 use crate::error::{Error, Result};
 use crate::gpu::{Group, Read, ShaderVariant, Slot, Span, StorageBuffer, WorkOrder, table_texture};
 
@@ -43,10 +43,10 @@ impl<'a> TileMarch<'a> {
         let light_space = context.light_space(shape);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
         if context.transfer.disabled.has(Optimization::Tiles) {
-            occupied.fill(true);
+            occupied = TileSet::all(occupied.across());
         }
-        let across = light_space.tiles_across();
-        let (entries, list) = layout(&occupied, across, gpu.tuning.order);
+        let across = occupied.across();
+        let (entries, list) = layout(&occupied, gpu.tuning.order);
         let table =
             table_texture(gpu, "tile table", wgpu::TextureFormat::R32Uint, [across, across], &entries)?;
         let lines = (shape.march == March::Lines).then(|| {
@@ -145,10 +145,11 @@ impl<'a> TileMarch<'a> {
 
 /// Returns the tile table of a shadow map (storage index of each tile's first texel, or [`NO_TILE`]), and the list of
 /// tiles that are stored.
-fn layout(occupied: &[bool], across: u32, order: WorkOrder) -> (Vec<u32>, Vec<u32>) {
-    let tiles = order.positions([across; 2]).map(|[x, y]| y * across + x);
-    let list: Vec<u32> = tiles.filter(|tile| occupied[*tile as usize]).collect();
-    let mut entries = vec![NO_TILE; occupied.len()];
+fn layout(occupied: &TileSet, order: WorkOrder) -> (Vec<u32>, Vec<u32>) {
+    let across = occupied.across();
+    let tiles = order.positions([across; 2]).filter(|tile| occupied.contains(*tile));
+    let list: Vec<u32> = tiles.map(|[x, y]| y * across + x).collect();
+    let mut entries = vec![NO_TILE; (across * across) as usize];
     (0..)
         .step_by(TILE_TEXELS as usize)
         .zip(&list)
@@ -162,10 +163,12 @@ mod tests {
 
     #[test]
     fn skipped_tiles_have_no_records() {
-        let occupied = [true, false, true, true];
+        let mut occupied = TileSet::empty(2);
+        occupied.insert([0, 0], [0, 1]);
+        occupied.insert([1, 1], [1, 1]);
         for order in [WorkOrder::Spread, WorkOrder::Blocks] {
-            assert_eq!(layout(&occupied, 2, order), (vec![0, NO_TILE, 256, 512], vec![0, 2, 3]));
-            assert_eq!(layout(&[false], 1, order), (vec![NO_TILE], Vec::new()));
+            assert_eq!(layout(&occupied, order), (vec![0, NO_TILE, 256, 512], vec![0, 2, 3]));
+            assert_eq!(layout(&TileSet::empty(2), order), (vec![NO_TILE; 4], Vec::new()));
         }
     }
 }

@@ -2,17 +2,10 @@
 //! map. The host composes all transforms in `f64`; `shaders/field/light.wgsl` has the same mapping in `f32`.
 
 use super::boxes::{GridBox, Region};
-use crate::field::brick_runs::brick_box;
+use crate::field::March;
 use crate::field::constants::TILE;
-use crate::field::{ActiveBricks, March};
-use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, DVec2, DVec3, IVec3};
-use rayon::prelude::*;
-
-/// Number of bricks whose projections one task of a thread computes: for parallel lights, whose projections take few
-/// operations, and for other lights.
-const SHARES: [usize; 2] = [1 << 14, 1 << 10];
+use glam::{DAffine3, DVec2, DVec3};
 
 /// Settings of a shadow map that determine its projection: its number of texels, its extent, and the way light rays
 /// are marched.
@@ -170,105 +163,6 @@ impl LightSpace {
     /// Returns the number of tiles (squares of texels) along a side of the shadow map.
     pub fn tiles_across(&self) -> u32 {
         self.map_size.div_ceil(TILE)
-    }
-
-    /// Returns, for each tile of the shadow map in row-major order, whether it may contain active bricks (blocks of
-    /// cells with extinction). The test uses the bounding rectangles of the bricks on their surface: a light ray
-    /// through an inner brick leaves through one of these.
-    pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
-        let across = self.tiles_across();
-        if self.projection == Projection::Octahedral {
-            return vec![active.active > 0; (across * across) as usize];
-        }
-        let [first, end] = self.texels_covered().unwrap_or([DVec2::NEG_INFINITY, DVec2::INFINITY]);
-        let last = f64::from(across - 1);
-        let tile = |t: f64| (t / f64::from(TILE)).clamp(0.0, last) as usize;
-        let none = || vec![false; (across * across) as usize];
-        let mark = |tiles: &mut [bool], Region { lo, hi }: Region| {
-            // Taps of the pre-filter and rounding reach slightly beyond the texels of a brick.
-            let (lo, hi) = ((lo - 1.0).max(first), (hi + 1.0).min(end));
-            if lo.cmple(hi).all() {
-                let [left, right] = [lo.x, hi.x].map(tile);
-                for y in tile(lo.y)..=tile(hi.y) {
-                    let row = &mut tiles[y * across as usize..];
-                    (left..=right).for_each(|x| row[x] = true);
-                }
-            }
-        };
-        let is_parallel = self.projection == Projection::Orthographic;
-        let parts = is_parallel.then(|| self.brick_parts(volume.dims(), active.counts));
-        let share = |bricks: &[IVec3]| {
-            let mut tiles = none();
-            if let Some(parts) = &parts {
-                for brick in bricks {
-                    let [x, y, z] = [0, 1, 2].map(|a| parts[a][brick[a] as usize]);
-                    mark(&mut tiles, Region { lo: x.lo + y.lo + z.lo, hi: x.hi + y.hi + z.hi });
-                }
-            } else {
-                let texels_of = self.texels_of_boxes();
-                for brick in bricks {
-                    let brick = brick.to_array().map(|n| n as usize);
-                    mark(&mut tiles, texels_of(GridBox::of_bricks(brick, brick, volume.dims())));
-                }
-            }
-            tiles
-        };
-        let union = |mut tiles: Vec<bool>, others: Vec<bool>| {
-            tiles.iter_mut().zip(others).for_each(|(own, other)| *own |= other);
-            tiles
-        };
-        active.outer().par_chunks(SHARES[usize::from(!is_parallel)]).map(share).reduce(none, union)
-    }
-
-    /// Returns, for each axis and each position of a brick along it, the part that the axis adds to the texel
-    /// coordinates of the brick's bounding rectangle. Parallel projections are sums of such parts.
-    fn brick_parts(&self, dims: [usize; 3], counts: [usize; 3]) -> [Vec<Region>; 3] {
-        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
-        let offset = frame_from_grid.translation.truncate() * self.texel_scale + self.texel_offset;
-        std::array::from_fn(|a| {
-            let axis = frame_from_grid.matrix3.col(a).truncate() * self.texel_scale;
-            let start = if a == 0 { offset } else { DVec2::ZERO };
-            let part = |brick: usize| {
-                let [low, high] =
-                    brick_box([brick; 3], [brick; 3], dims).map(|corner| start + axis * corner[a]);
-                Region { lo: low.min(high), hi: low.max(high) }
-            };
-            (0..counts[a]).map(part).collect()
-        })
-    }
-
-    /// Returns a function from a box in grid space (voxel index coordinates plus one) to the bounding rectangle of its
-    /// projection, in texel coordinates of the shadow map.
-    fn texels_of_boxes(&self) -> impl Fn(GridBox) -> Region + '_ {
-        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
-        let axes = frame_from_grid.matrix3;
-        move |grid: GridBox| {
-            let center = frame_from_grid.transform_point3(grid.center);
-            let sides = [axes.x_axis * grid.half.x, axes.y_axis * grid.half.y, axes.z_axis * grid.half.z];
-            let Region { lo, hi } = if self.projection == Projection::Orthographic {
-                let reach = sides[0].abs() + sides[1].abs() + sides[2].abs();
-                Region { lo: (center - reach).truncate(), hi: (center + reach).truncate() }
-            } else {
-                let corner = |c: usize| {
-                    (0..3).fold(center, |p, a| if c >> a & 1 == 0 { p - sides[a] } else { p + sides[a] })
-                };
-                Region::around((0..8).map(|c| self.plane(corner(c))))
-            };
-            Region {
-                lo: lo * self.texel_scale + self.texel_offset,
-                hi: hi * self.texel_scale + self.texel_offset,
-            }
-        }
-    }
-
-    /// Returns the first and last texel, as texel coordinates, that queries of a shadow map may read, if the map
-    /// covers only a part of the scene. `None`: all texels.
-    fn texels_covered(&self) -> Option<[DVec2; 2]> {
-        let reach = DVec2::splat(f64::from(self.shape.reach));
-        self.region.map(|region| {
-            let texel = |plane: DVec2| plane * self.texel_scale + self.texel_offset;
-            [texel(region.lo) - reach, texel(region.hi) + reach]
-        })
     }
 
     /// Returns the device uniform of the shadow map's projection, for binding 0 of bind group 1.

@@ -8,6 +8,8 @@ mod fit;
 mod lines;
 mod mapping;
 mod rounding;
+mod tiles;
 
 pub use mapping::{LightSpace, MapShape, Projection};
 pub use rounding::Rounding;
+pub use tiles::TileSet;
