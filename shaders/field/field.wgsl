@@ -141,7 +141,6 @@ fn cell_values(cell: vec3<i32>) -> Cell {
 // may be mirrored. The two cells share four values, and this reads the four on the far face. If the shared values are
 // not known, it reads those of the near face instead, and a second call with `known` completes the cell.
 fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, known: bool) -> Cell {
-    count_work(LOADS, 4u);
     let ends = ends_of_cell(cell);
     let low = ends.low;
     let high = ends.high;

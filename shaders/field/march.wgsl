@@ -27,7 +27,7 @@
 #import umbravox::tuning::STEPS_TOGETHER
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::report_iteration_limit
-#import umbravox::work::{count_step, count_work, CELLS, PIECES}
+#import umbravox::work::{count_step, count_work, CELLS, LOADS, PIECES}
 
 // Gauss-Legendre quadrature on [0, 1] with four points, exact to degree seven.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
@@ -237,12 +237,21 @@ fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
     let cell = (*march).cell;
     let grid_cell = ray.first_cell + ray.sense * cell;
     let distance = brick_distance_at(grid_cell >> BRICK_SHIFT);
+#ifdef EARLY_LOADS
+    // These loads do not wait for the distance; in empty bricks nothing uses them.
+    let values = next_cell_values((*march).values, grid_cell, ray.mirrored, (*march).along, (*march).known);
+#endif
     let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
     let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - ray.ascending_o) * ray.inv_ascending_d, ray.moves);
     let exit = max(min(min(exits.x, exits.y), min(exits.z, ray.end)), (*march).z);
     let p = ray.ascending_o + exit * ray.ascending_d;
     if distance == 0 {
+#ifdef EARLY_LOADS
+        (*march).values = values;
+#else
         (*march).values = next_cell_values((*march).values, grid_cell, ray.mirrored, (*march).along, (*march).known);
+#endif
+        count_work(LOADS, 4u);
         count_work(CELLS, select(0u, 1u, (*march).known));
         let lo4 = min((*march).values.lo, (*march).values.hi);
         let hi4 = max((*march).values.lo, (*march).values.hi);

@@ -11,10 +11,15 @@ const NO_TILE: u32 = #{NO_TILE};
 // of a tile are consecutive.
 @group(1) @binding(2) var tile_table: texture_2d<u32>;
 
+// Returns the index of the first record of a tile, or NO_TILE.
+fn tile_entry(tile: vec2<u32>) -> u32 {
+    count_work(LOADS, 1u);
+    return textureLoad(tile_table, tile, 0).x;
+}
+
 // Returns the record index of a shadow-map texel, or NO_TILE.
 fn record_of(texel: vec2<u32>) -> u32 {
-    count_work(LOADS, 1u);
-    let first = textureLoad(tile_table, texel / TILE, 0).x;
+    let first = tile_entry(texel / TILE);
     return select(first + (texel.y % TILE) * TILE + texel.x % TILE, NO_TILE, first == NO_TILE);
 }
 
@@ -28,4 +33,24 @@ fn wrapped_texel(texel: vec2<i32>) -> vec2<u32> {
         if t.y < 0 || t.y > last { t = vec2<i32>(last - t.x, clamp(t.y, 0, last)); }
     }
     return vec2<u32>(clamp(t, vec2<i32>(0), vec2<i32>(last)));
+}
+
+// Returns the record indices (or NO_TILE) of the texel at `base` and of those at (1, 0), (0, 1) and (1, 1) from it.
+// Texels of one tile, as most are, share one read of the table.
+fn records_around(base: vec2<i32>) -> vec4<u32> {
+    let a = wrapped_texel(base);
+    let b = wrapped_texel(base + vec2<i32>(1, 0));
+    let c = wrapped_texel(base + vec2<i32>(0, 1));
+    let d = wrapped_texel(base + vec2<i32>(1, 1));
+    let x = vec4<u32>(a.x, b.x, c.x, d.x);
+    let y = vec4<u32>(a.y, b.y, c.y, d.y);
+    let tiles_x = x / TILE;
+    let tiles_y = y / TILE;
+    var first = vec4<u32>(tile_entry(a / TILE));
+    if any((tiles_x != tiles_x.xxxx) | (tiles_y != tiles_y.xxxx)) {
+        first.y = tile_entry(b / TILE);
+        first.z = tile_entry(c / TILE);
+        first.w = tile_entry(d / TILE);
+    }
+    return select(first + (y % TILE) * TILE + x % TILE, vec4<u32>(NO_TILE), first == vec4<u32>(NO_TILE));
 }

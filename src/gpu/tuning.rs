@@ -43,6 +43,9 @@ pub struct Tuning {
     /// lock-step model of 32 lanes, the lanes of a deep shadow map build are busy for 42 % of all steps with 4, for
     /// 59 % with 2, and for 73 % with 1.
     pub steps_together: u32,
+    /// Whether the march of light rays loads the values of a cell before it knows whether the cell's brick is empty. A
+    /// subgroup then waits for one texture read in each step instead of two; software adapters do not overlap reads.
+    pub early_loads: bool,
     /// Side of a workgroup in passes over shadow-map tiles, in texels. With 8, a subgroup of 32 lanes is a block of 8
     /// x 4 texels; with 16, it is 16 x 2, whose rays diverge more.
     pub workgroup_side: u32,
@@ -78,6 +81,7 @@ impl Tuning {
     /// Choices for software adapters, which run on the processor (llvmpipe, SwiftShader).
     pub const SOFTWARE: Self = Self {
         steps_together: 4,
+        early_loads: false,
         workgroup_side: 16,
         order: WorkOrder::Spread,
         device_tiles: false,
@@ -92,6 +96,7 @@ impl Tuning {
     /// Choices for graphics cards.
     pub const CARD: Self = Self {
         steps_together: 1,
+        early_loads: true,
         workgroup_side: 8,
         order: WorkOrder::Blocks,
         device_tiles: true,
@@ -136,6 +141,8 @@ impl Tuning {
                 "steps=2" => self.steps_together = 2,
                 "steps=4" => self.steps_together = 4,
                 "steps=8" => self.steps_together = 8,
+                "loads=late" => self.early_loads = false,
+                "loads=early" => self.early_loads = true,
                 "workgroup=8" => self.workgroup_side = 8,
                 "workgroup=16" => self.workgroup_side = 16,
                 "order=spread" => self.order = WorkOrder::Spread,
@@ -155,7 +162,7 @@ impl Tuning {
                 _ => {
                     let why = format!("`{item}` is not a choice");
                     return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
-                        "card, software, steps=1|2|4|8, workgroup=8|16, order=spread|blocks, tiles=host|device, \
+                        "card, software, steps=1|2|4|8, loads=late|early, workgroup=8|16, order=spread|blocks, tiles=host|device, \
                          builds=alone|joint, tables=uniform|storage, sums=pass|workgroup, \
                          arrays=private|workgroup, loops=bounded|own",
                     ));
@@ -169,6 +176,7 @@ impl Tuning {
     pub(super) fn defs(&self) -> impl Iterator<Item = &'static str> {
         let defs = [
             (self.order == WorkOrder::Spread, "SPREAD_WORKGROUPS"),
+            (self.early_loads, "EARLY_LOADS"),
             (self.workgroup_sums, "WORKGROUP_SUMS"),
             (self.workgroup_arrays && self.workgroup_side == 8, "WORKGROUP_ARRAYS"),
         ];
@@ -184,22 +192,18 @@ impl Tuning {
 impl WorkOrder {
     /// Returns the positions of a grid of tiles, in the order in which their workgroups are listed. `Spread` lists
     /// rows; `spread_rows` and `workgroup_item` in the shaders spread them.
-    pub fn positions(self, [across, down]: [u32; 2]) -> Box<dyn Iterator<Item = [u32; 2]>> {
-        match self {
-            Self::Spread => Box::new((0..down).flat_map(move |y| (0..across).map(move |x| [x, y]))),
-            Self::Blocks => {
-                let [columns, rows] = [across, down].map(|n| n.div_ceil(BLOCK_SIDE));
-                let blocks = (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y]));
-                let inside = |[x, y]: [u32; 2]| {
-                    (0..BLOCK_SIDE * BLOCK_SIDE).map(move |i| {
-                        let bit = |k: u32| (i >> k) & 1;
-                        let [u, v] = [0, 1].map(|k| bit(k) | bit(k + 2) << 1 | bit(k + 4) << 2);
-                        [x * BLOCK_SIDE + u, y * BLOCK_SIDE + v]
-                    })
-                };
-                Box::new(blocks.flat_map(inside).filter(move |[x, y]| *x < across && *y < down))
-            }
-        }
+    pub fn positions(self, [across, down]: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+        let side = if self == Self::Blocks { BLOCK_SIDE } else { 1 };
+        let [columns, rows] = [across, down].map(|n| n.div_ceil(side));
+        let blocks = (0..rows).flat_map(move |y| (0..columns).map(move |x| [x * side, y * side]));
+        let inside = move |[x, y]: [u32; 2]| {
+            (0..side * side).map(move |i| {
+                let bit = |k: u32| (i >> k) & 1;
+                let [u, v] = [0, 1].map(|k| bit(k) | bit(k + 2) << 1 | bit(k + 4) << 2);
+                [x + u, y + v]
+            })
+        };
+        blocks.flat_map(inside).filter(move |[x, y]| *x < across && *y < down)
     }
 
     /// Reorders rows of workgroups with [`Self::Spread`], so that each of up to 16 threads gets rows from all parts of

@@ -3,7 +3,7 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::work::{count_work, LOADS}
-#import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
+#import umbravox::tile_table::{record_of, records_around, wrapped_texel, NO_TILE}
 #import umbravox::dsm_layout::{params, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MAX_ROWS}
 
 // Rows of curve nodes, two texels each: seven nodes and the link to the next row.
@@ -18,8 +18,7 @@ struct Texel {
 // Largest depth of a query in steps: half a step past the end of the map, in front of the filler.
 const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
 
-fn texel_at(texel: vec2<u32>) -> Texel {
-    let row = record_of(texel);
+fn texel_at(row: u32) -> Texel {
     if row == NO_TILE { return Texel(NO_ROW, vec4<u32>(0xffffffffu)); }
     count_work(LOADS, 1u);
     return Texel(row, textureLoad(node_rows, row_texel(row), 0));
@@ -50,9 +49,9 @@ fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     var searching = passed.w && row != NO_ROW;
     var tail = true;
     for (var half_row = 1u; half_row < 2u * MAX_ROWS; half_row++) {
-        let words = textureLoad(node_rows, row_texel(row) + vec2<u32>(select(0u, 1u, tail), 0u), 0);
         if searching {
             count_work(LOADS, 1u);
+            let words = textureLoad(node_rows, row_texel(row) + vec2<u32>(select(0u, 1u, tail), 0u), 0);
             // The last word of a row links to the next.
             let nodes = select(words, words.xyzz, tail);
             passed = (nodes >> vec4<u32>(16u)) <= vec4<u32>(limit);
@@ -80,10 +79,11 @@ fn transmittance(g: vec3<f32>) -> f32 {
 #ifdef FILTER_BILINEAR
     let base = vec2<i32>(floor(p.texel));
     let w = p.texel - vec2<f32>(base);
-    let a = texel_at(wrapped_texel(base));
-    let b = texel_at(wrapped_texel(base + vec2<i32>(1, 0)));
-    let c = texel_at(wrapped_texel(base + vec2<i32>(0, 1)));
-    let d = texel_at(wrapped_texel(base + vec2<i32>(1, 1)));
+    let records = records_around(base);
+    let a = texel_at(records.x);
+    let b = texel_at(records.y);
+    let c = texel_at(records.z);
+    let d = texel_at(records.w);
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
     // On a slanted surface the first depth differs between texels. The functions are aligned at their first depths
     // before they are averaged, or the surface would shadow itself.
@@ -107,6 +107,6 @@ fn transmittance(g: vec3<f32>) -> f32 {
         texel_transmittance(d, steps.w),
     ));
 #else
-    return texel_transmittance(texel_at(wrapped_texel(vec2<i32>(round(p.texel)))), step);
+    return texel_transmittance(texel_at(record_of(wrapped_texel(vec2<i32>(round(p.texel))))), step);
 #endif
 }

@@ -3,7 +3,7 @@
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
-#import umbravox::tile_table::{record_of, wrapped_texel}
+#import umbravox::tile_table::{record_of, records_around, wrapped_texel}
 #import umbravox::layers::params
 #import umbravox::layers_read::{Extent, extent_of, layer_point, optical_depth_at}
 
@@ -34,14 +34,11 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let base = vec2<i32>(floor(p.texel));
     let w = p.texel - vec2<f32>(base);
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
-    let a = record_of(wrapped_texel(base));
-    let b = record_of(wrapped_texel(base + vec2<i32>(1, 0)));
-    let c = record_of(wrapped_texel(base + vec2<i32>(0, 1)));
-    let d = record_of(wrapped_texel(base + vec2<i32>(1, 1)));
-    let at_a = extent_of(a);
-    let at_b = extent_of(b);
-    let at_c = extent_of(c);
-    let at_d = extent_of(d);
+    let records = records_around(base);
+    let at_a = extent_of(records.x);
+    let at_b = extent_of(records.y);
+    let at_c = extent_of(records.z);
+    let at_d = extent_of(records.w);
     let filled = vec4<bool>(at_a.filled, at_b.filled, at_c.filled, at_d.filled) & (weights > vec4<f32>(0.0));
     if !any(filled) { return 1.0; }
     let starts = filtered(vec4<f32>(at_a.start, at_b.start, at_c.start, at_d.start), weights, filled);
@@ -51,10 +48,10 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let ends = starts + params.reach_mm;
 #endif
     let depths = vec4<f32>(
-        texel_depth(a, at_a, starts.x, ends.x, p.z),
-        texel_depth(b, at_b, starts.y, ends.y, p.z),
-        texel_depth(c, at_c, starts.z, ends.z, p.z),
-        texel_depth(d, at_d, starts.w, ends.w, p.z),
+        texel_depth(records.x, at_a, starts.x, ends.x, p.z),
+        texel_depth(records.y, at_b, starts.y, ends.y, p.z),
+        texel_depth(records.z, at_c, starts.z, ends.z, p.z),
+        texel_depth(records.w, at_d, starts.w, ends.w, p.z),
     );
 #ifdef AVERAGE_TRANSMITTANCE
     return dot(weights, exp(-depths));
