@@ -9,7 +9,7 @@ struct Sink {
 
 const FAR: f32 = #{FAR};
 // Optical depth that ends the ray: its transmittance is below 1e-6.
-const ENOUGH_DEPTH: f32 = 13.8;
+const ENOUGH_DEPTH: f32 = #{ENOUGH_DEPTH};
 
 fn start_sink() -> Sink {
     return Sink(empty_sum());

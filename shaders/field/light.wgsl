@@ -34,7 +34,8 @@ struct LightSpace {
     depth_range_mm: f32,
     // Distance between samples along a light ray, mm, with `march=samples`.
     step_mm: f32,
-    padding: f32,
+    // Length of the march towards the light before a query of the shadow map, mm (`near`).
+    near_mm: f32,
 }
 
 // Bound in every pipeline, also for shadow methods without a map: shading reads the position of the light.

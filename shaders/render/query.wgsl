@@ -1,6 +1,6 @@
 // Computes the transmittance from the light at a list of points, with the same code as pictures.
 
-#import umbravox::method::transmittance
+#import umbravox::shadow::transmittance
 
 @group(2) @binding(0) var<storage, read> points: array<vec4<f32>>;
 @group(2) @binding(1) var<storage, read_write> results: array<f32>;

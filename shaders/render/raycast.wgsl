@@ -11,6 +11,7 @@
 //   fn transmittance(g: vec3<f32>) -> f32
 //       from the light to a grid-space point of the domain; 1 if nothing lies between. Its bindings are in group 1
 //       from binding 1 on; binding 0 is the light space for all methods.
+// `umbravox::shadow`, with a function of the same form, marches the last voxels towards the light before (`near`).
 
 #import umbravox::frame::{frame, picture, ray_pixel}
 #import umbravox::field::{field, value_at, FAR}
@@ -27,7 +28,7 @@
 #ifdef MESH
 #import umbravox::mesh_light::light_at
 #else
-#import umbravox::method::transmittance as light_at
+#import umbravox::shadow::transmittance as light_at
 #endif
 #endif
 #ifdef SHADING

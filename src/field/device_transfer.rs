@@ -424,8 +424,9 @@ mod tests {
 
     #[test]
     fn uniforms_have_one_layout() {
-        let shader =
-            field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        let shader = field_shader("render/query.wgsl")
+            .with_depth_march()
+            .modules(&["shadow/rays/lookup.wgsl", "shadow/direct.wgsl"]);
         let shader = shader.defs(["FOLDED"]);
         assert_layout!(&shader, "Fold", FoldUniform: period, tiles, placed, stride, margin, inv_sides);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,

@@ -43,6 +43,8 @@ const CONSTANTS: &[Constant] = &[
     Constant::float("HIDDEN_SHIFT", HIDDEN_SHIFT),
     Constant::unsigned("LABEL_VECTORS", MAX_LABELS as u32 / 4),
     Constant::unsigned("MOST_CLIP_PLANES", MOST_CLIP_PLANES as u32),
+    // Optical depth that ends a shadow ray: its transmittance is below 1e-6.
+    Constant::float("ENOUGH_DEPTH", 13.8),
     Constant::unsigned("PARTS_OF_SUM", PARTS_OF_SUM),
     Constant::unsigned("MOST_PIECES", MOST_PIECES),
     Constant::float("MAX_OPACITY", MAX_OPACITY as f32),

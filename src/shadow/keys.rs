@@ -81,10 +81,10 @@ choices! {
 }
 
 impl Fit {
-    /// Returns the description of a shadow map: texels per side (`None`: chosen from the scene), covered region, and
-    /// way of marching light rays.
-    pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
-        MapShape { texels, fits_view: self == Self::View, reach: 1, march }
+    /// Returns the description of a shadow map: texels per side (`None`: chosen from the scene), covered region, way
+    /// of marching light rays, and length of the march before a query (smallest voxel spacings).
+    pub fn shape(self, texels: Option<u32>, march: March, near: f64) -> MapShape {
+        MapShape { texels, fits_view: self == Self::View, reach: 1, march, near }
     }
 }
 
@@ -146,6 +146,16 @@ pub(super) const FILTER_KEY: Key = Key::choice(
 )
 .search_all();
 
+/// Name of the setting for the length of the march towards the light before a query of the shadow map.
+pub(super) const NEAR: &str = "near";
+/// Setting `near`: length of the march from a point towards the light before a query of the shadow map.
+pub(super) const NEAR_KEY: Key = Key::number(
+    [0.0, 32.0],
+    "0",
+    "voxels (smallest spacings) marched towards the light before the map is queried; 0: none",
+)
+.search(&["0", "2", "4", "8"]);
+
 /// Declares the settings of a shadow method: a public struct, and one [`Key`] for each field, with the field's name.
 /// `..MapSettings` inserts the settings that all shadow maps share, and adds the function `shape`.
 macro_rules! settings {
@@ -172,6 +182,9 @@ macro_rules! settings {
                 fit: $crate::shadow::keys::Fit = $crate::shadow::keys::FIT_KEY,
                 /// Interpolation between the shadow map texels around a point: nearest or bilinear.
                 filter: $crate::shadow::Filter = $crate::shadow::keys::FILTER_KEY,
+                /// Length of the march from a point towards the light before a query of the shadow map, in smallest
+                /// voxel spacings; 0 for none.
+                near: f64 = $crate::shadow::keys::NEAR_KEY,
                 $($more)*
             }
         }
@@ -179,7 +192,7 @@ macro_rules! settings {
         impl $name {
             /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
             pub(super) fn shape(&self) -> $crate::field::MapShape {
-                self.fit.shape(self.map, self.from.march(self.march, self.step))
+                self.fit.shape(self.map, self.from.march(self.march, self.step), self.near)
             }
         }
     };

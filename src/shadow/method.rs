@@ -1,11 +1,12 @@
 //! Interface of shadow methods: registry entry, settings, transmittance query, built shadow map, cost and error
 //! bound.
 
-use super::keys::{Lookups, MAP, MARCH};
+use super::keys::{MAP, MARCH, NEAR};
+use super::lookup::Lookup;
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, NodePool, NodePools, Optimization, TILE_TEXELS, marches_cells};
+use crate::field::{BuildContext, LightSpace, NodePool, NodePools, Optimization, TILE_TEXELS};
 use crate::gpu::{Group, ShaderVariant, Span};
 use std::fmt;
 use std::hash::{Hash, Hasher};
@@ -193,35 +194,6 @@ impl Bound {
     }
 }
 
-/// Shader code of a transmittance query: modules, definitions and constants that provide
-/// `umbravox::method::transmittance`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lookup(ShaderVariant);
-
-impl Lookup {
-    /// Creates the shader code of a transmittance query from the modules of a
-    /// [`field_shader`](crate::field::field_shader); the entry point of that shader is ignored.
-    pub fn new(shader: ShaderVariant) -> Self {
-        Self(shader)
-    }
-
-    /// Sets whether neighbouring samples of a camera ray share one transmittance query.
-    #[must_use]
-    pub fn with_lookup_mode(self, samples: Lookups) -> Self {
-        Self(self.0.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")))
-    }
-
-    /// Returns the shader with the given entry file, together with the code of the transmittance query.
-    pub fn within(&self, entry: &'static str) -> ShaderVariant {
-        ShaderVariant { entry, ..self.0.clone() }
-    }
-
-    /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
-    pub fn marches(&self) -> bool {
-        marches_cells(&self.0)
-    }
-}
-
 /// Rendering pass of a published shadow method that this implementation skips, since nothing would read its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
@@ -340,6 +312,15 @@ pub enum Curve {
     Rings,
 }
 
+impl Curve {
+    /// Returns the guarantee of a method whose map stores falling curves. With `near`, transmittance may rise with
+    /// depth: a march from a point takes other samples than one from its neighbour.
+    pub(super) fn of_map(spec: &MethodSpec) -> Self {
+        let near = spec.value(NEAR).unwrap_or(Value::Number(0.0));
+        if near == Value::Number(0.0) { Self::Falls } else { Self::Stays }
+    }
+}
+
 /// Light rays whose mean transmittance is the result of a query at the centre of a shadow map texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
@@ -385,7 +366,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     }
     /// Returns the guarantee on the method's transmittance along a light ray: falling, within 0 and 1, or neither.
     fn curve(&self) -> Curve {
-        Curve::Falls
+        Curve::of_map(&self.spec())
     }
     /// Builds the shadow map of a light.
     ///

@@ -12,7 +12,7 @@
 //!   (`umbravox::march`) passes the matter along each ray to the method's module `umbravox::sink`;
 //!   `shaders/field/march.wgsl` states the contract.
 //! * A query for transmittance is a module `umbravox::method` with `fn transmittance(g: vec3<f32>) -> f32`;
-//!   `shaders/render/raycast.wgsl` states the contract.
+//!   `shaders/render/raycast.wgsl` states the contract. `shadow/near.wgsl` may march the last voxels before it.
 //! * Constants that Rust and shaders share come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
 
 mod avsm;
@@ -26,6 +26,7 @@ mod half;
 mod keys;
 mod layered;
 mod lightvolume;
+mod lookup;
 mod method;
 mod moments;
 mod none;
@@ -47,8 +48,9 @@ pub use fourier::{Damping, FourierOpacityMap, SeriesRange};
 pub use keys::{Filter, Lookups};
 pub use layered::{Average, LayerSplit, Measure};
 pub use lightvolume::{LightBuild, LightVolume};
+pub use lookup::Lookup;
 pub use method::{
-    Bound, BuildReport, Curve, Entry, Lookup, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
+    Bound, BuildReport, Curve, Entry, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
 };
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;

@@ -7,7 +7,7 @@ use umbravox::transfer::{LabelRule, LabelVisibility};
 use umbravox::volume::Labels;
 
 /// Volume whose voxels get the labels that `label` returns.
-fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volume> {
+pub(super) fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volume> {
     let [nx, ny, nz] = volume.dims();
     let labels = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| label([i, j, k]));
     let segmentation = volume_of(labels.into(), volume.world_from_index());
@@ -15,11 +15,11 @@ fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volu
     Arc::new(Volume::clone(volume).labelled(labels).unwrap())
 }
 
-fn through(labels: &[u32], tf: &TransferFunction) -> LabelRule {
+pub(super) fn through(labels: &[u32], tf: &TransferFunction) -> LabelRule {
     LabelRule { labels: labels.to_vec(), visibility: LabelVisibility::Visible(Box::new(tf.clone())) }
 }
 
-fn hidden(labels: &[u32]) -> LabelRule {
+pub(super) fn hidden(labels: &[u32]) -> LabelRule {
     LabelRule { labels: labels.to_vec(), visibility: LabelVisibility::Hidden }
 }
 

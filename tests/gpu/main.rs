@@ -27,6 +27,7 @@ mod lights;
 mod lines;
 mod links;
 mod mesh;
+mod near;
 mod nodes;
 mod parts;
 mod pool;

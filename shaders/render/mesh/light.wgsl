@@ -4,7 +4,7 @@
 #import umbravox::field::{field, safe_inverse, box_span}
 #import umbravox::light::toward_light
 #import umbravox::mesh::{mesh_hit, NO_TRIANGLE}
-#import umbravox::method::transmittance
+#import umbravox::shadow::transmittance
 
 // Distance towards the light, in smallest voxel spacings, within which a triangle counts as the surface on which the
 // point lies.

@@ -103,6 +103,7 @@ impl LightSpace {
             texel_offset: DVec2::ZERO,
             z_range: [0.0, 0.0],
             step_mm: 0.0,
+            near_mm: shape.near * volume.min_spacing_mm(),
             region: None,
             shape,
         };

@@ -20,6 +20,9 @@ pub struct MapShape {
     pub reach: u32,
     /// Way in which the light rays of the shadow map are marched: by cells, by samples, or by strands.
     pub march: March,
+    /// Length of the march from a point towards the light before a query of the shadow map, in smallest voxel
+    /// spacings.
+    pub near: f64,
 }
 
 impl MapShape {
@@ -76,7 +79,7 @@ pub(in crate::field) struct LightUniform {
     pub depth_start_mm: f32,
     pub depth_range_mm: f32,
     pub step_mm: f32,
-    pub padding: f32,
+    pub near_mm: f32,
 }
 
 /// Projection of a shadow map: from world points to texel coordinates, and to depth along the light rays in mm.
@@ -102,6 +105,8 @@ pub struct LightSpace {
     pub z_range: [f64; 2],
     /// Distance between regular samples along a light ray, mm; 0 if light rays are marched in another way.
     pub step_mm: f64,
+    /// Length of the march from a point towards the light before a query of the shadow map, mm.
+    pub near_mm: f64,
     /// Rectangle of the projection plane that the shadow map covers, if it was fitted to a camera view. `None`: the
     /// map covers all bricks with extinction.
     pub(super) region: Option<Region>,
@@ -188,7 +193,7 @@ impl LightSpace {
             depth_start_mm: self.z_range[0] as f32,
             depth_range_mm: self.depth_range_mm() as f32,
             step_mm: self.step_mm as f32,
-            padding: 0.0,
+            near_mm: self.near_mm as f32,
         }
     }
 
@@ -247,8 +252,9 @@ mod tests {
 
     #[test]
     fn the_uniform_has_one_layout() {
-        let shader =
-            field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        let shader = field_shader("render/query.wgsl")
+            .with_depth_march()
+            .modules(&["shadow/rays/lookup.wgsl", "shadow/direct.wgsl"]);
         // The rows of the affine are an array in Rust and three vectors in WGSL.
         let (size, mut members) = wgsl_layout(&shader, "LightSpace");
         let rows: Vec<_> = members.drain(..3).collect();
@@ -270,6 +276,7 @@ mod tests {
             ("depth_start_mm", offset_of!(LightUniform, depth_start_mm)),
             ("depth_range_mm", offset_of!(LightUniform, depth_range_mm)),
             ("step_mm", offset_of!(LightUniform, step_mm)),
+            ("near_mm", offset_of!(LightUniform, near_mm)),
         ];
         let expected = offsets.map(|(name, at)| (name.to_string(), at)).to_vec();
         assert_eq!((size, members), (size_of::<LightUniform>(), expected));

@@ -22,7 +22,8 @@ use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
-use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{Entry, Method, ShadowMap};
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;

@@ -72,7 +72,7 @@ impl DeepShadowMap {
         let known = context.node_pools.last_size(&settings);
         // The pool of the first build is often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
-        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march()))?;
+        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near))?;
         let mut params = self.params_on_device(context, &tiles);
         // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
         // quarter more rows than texels suffices for most scenes.

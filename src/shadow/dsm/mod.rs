@@ -35,9 +35,10 @@ use layout::{DEPTH_STEPS, NAME, UPRIGHT_STEPS, shader};
 
 use super::keys::{
     DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy,
-    UNLESS_LINES, settings,
+    NEAR_KEY, UNLESS_LINES, settings,
 };
-use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
+use super::lookup::Lookup;
+use super::method::{Bound, BuildReport, Entry, Method, ShadowMap, Taps};
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, march_bound};
@@ -116,6 +117,9 @@ settings! {
         fit: Fit = FIT_KEY,
         /// Interpolation between the shadow map texels around a point: nearest or bilinear.
         filter: Filter = FILTER_KEY,
+        /// Length of the march from a point towards the light before a query of the shadow map, in smallest voxel
+        /// spacings; 0 for none.
+        near: f64 = NEAR_KEY,
         /// Distance between regular samples along a light ray, in units of the smallest voxel spacing. It applies to
         /// `march=samples` and `precompress=off`; pre-filtered maps with the pre-compressed table take half of it.
         step: f64 = Key::number(
@@ -173,9 +177,9 @@ impl DeepShadowMap {
     }
 
     /// Returns the error bound of a deep shadow map, or `None` unless its light rays are marched cell by cell with
-    /// the pre-compressed table. `docs/bound.md` derives its terms.
+    /// the pre-compressed table, from the point of a query on. `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
-        if self.precompress == Precompress::Off || self.march() != March::Cells {
+        if self.precompress == Precompress::Off || self.march() != March::Cells || self.near > 0.0 {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
@@ -238,7 +242,7 @@ impl Method for DeepShadowMap {
     fn lookup(&self) -> Option<Lookup> {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let lookup = Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear));
-        Some(lookup.with_lookup_mode(self.lookup))
+        Some(lookup.with_near(self.near).with_lookup_mode(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

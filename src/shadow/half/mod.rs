@@ -2,7 +2,8 @@
 //! `docs/adding-a-method.md`, compiled with the feature `half`.
 
 use super::keys::settings;
-use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{Entry, Method, ShadowMap};
 use super::none::without_map;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};

@@ -28,7 +28,8 @@ pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
 use super::keys::Filter;
-use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{BuildReport, Method, PassLeftOut, ShadowMap};
 use super::settings::{Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
@@ -162,7 +163,8 @@ impl LayeredMap {
     pub fn lookup(&self, module: &'static str) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
-        Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear).defs(average))
+        let shader = self.read_shader("").modules(&[module]).defs(bilinear).defs(average);
+        Lookup::new(shader).with_near(self.shape.near)
     }
 
     /// Returns the shader of the pass that marches light rays and builds a layered shadow map.
@@ -325,7 +327,7 @@ mod tests {
             filter: Filter::Nearest,
             average: Average::Depth,
             kernel: 1,
-            shape: Fit::Volume.shape(Some(64), March::Cells),
+            shape: Fit::Volume.shape(Some(64), March::Cells, 0.0),
         };
         assert_layout!(&layered_map.build_shader(), "Params", LayeredParams: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,

@@ -24,7 +24,8 @@ mod lattice;
 
 use super::keys::{LOOKUP_KEY, Lookups, MARCH_KEY, MarchBy, STEP_KEY, settings};
 use super::layered::Average;
-use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{BuildReport, Curve, Entry, Method, ShadowMap};
 use super::none::test_space;
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
@@ -264,6 +265,8 @@ impl Method for LightVolume {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        // The pass that packs the nodes reads those of the first pass.
+        let context = &context.at_once();
         let gpu = context.gpu();
         let lattice = Lattice::around(&context.transfer.active, context.volume.dims(), self.scale);
         let light_space = test_space(context, self.march());

@@ -1,6 +1,7 @@
 //! Shadow method `none`: no shadows.
 
-use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{BuildReport, Entry, Method, ShadowMap};
 use super::settings::Value;
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -44,7 +45,7 @@ const TEST_MAP: u32 = 512;
 
 /// Returns the projection of the light for shadow methods without a shadow map, with an assumed number of texels.
 pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
-    context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march })
+    context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march, near: 0.0 })
 }
 
 /// Returns the shadow data of a method without a map: the light space and the transmittance query only.

@@ -19,7 +19,8 @@ use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
-use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
+use super::lookup::Lookup;
+use super::method::{Entry, Method, PassLeftOut, ShadowMap, Taps};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;

@@ -1,7 +1,8 @@
 //! Shadow method `rays`: marches a shadow ray for each transmittance query.
 
 use super::keys::{LOOKUP_KEY, Lookups, settings};
-use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{Entry, Method, ShadowMap};
 use super::none::without_map;
 use super::settings::Value;
 use super::style::{Marker, Style};

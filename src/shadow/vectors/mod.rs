@@ -12,7 +12,8 @@
 //! within one cell, whose matter is assumed to be uniform; `avsm` takes shorter segments.
 
 use super::keys::{Filter, Lookups};
-use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
+use super::lookup::Lookup;
+use super::method::{BuildReport, Curve, Entry, Method, MethodSpec, ShadowMap};
 use super::settings::Value;
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
@@ -110,7 +111,7 @@ pub trait VectorMap: std::fmt::Debug + Send + Sync {
     fn descriptor(&self) -> VectorMapDescriptor;
     /// Returns the guarantee on the method's transmittance along a light ray: falling, within 0 and 1, or neither.
     fn curve(&self) -> Curve {
-        Curve::Falls
+        Curve::of_map(&MethodSpec::new(VectorMap::entry(self), VectorMap::values(self)))
     }
 }
 
@@ -181,7 +182,7 @@ impl VectorMapDescriptor {
         let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
-        Lookup::new(shader).with_lookup_mode(self.lookup_mode)
+        Lookup::new(shader).with_near(self.shape.near).with_lookup_mode(self.lookup_mode)
     }
 
     /// Returns the size of the four-vectors of one shadow map texel, bytes.
@@ -279,7 +280,7 @@ mod tests {
             storage: VectorStorage::Half,
             filter: Filter::Bilinear,
             linear: true,
-            shape: Fit::Volume.shape(Some(64), March::Cells),
+            shape: Fit::Volume.shape(Some(64), March::Cells, 0.0),
             constants: vec![Constant::unsigned("TERMS", 3)],
             defs: Vec::new(),
             marches: None,

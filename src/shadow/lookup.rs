@@ -1,0 +1,46 @@
+//! Shader code of transmittance queries.
+
+use super::keys::Lookups;
+use crate::field::marches_cells;
+use crate::gpu::ShaderVariant;
+
+/// Shader code of a transmittance query: modules, definitions and constants that provide
+/// `umbravox::shadow::transmittance`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lookup {
+    shader: ShaderVariant,
+    /// Whether a march towards the light precedes the query of the shadow method.
+    near: bool,
+}
+
+impl Lookup {
+    /// Creates the shader code of a transmittance query from a [`field_shader`](crate::field::field_shader) with the
+    /// module `umbravox::method` of a shadow method; the entry point of that shader is ignored.
+    pub fn new(shader: ShaderVariant) -> Self {
+        Self { shader, near: false }
+    }
+
+    /// Adds a march from the point towards the light, `near` smallest voxel spacings long, before the query of the
+    /// shadow method; none if `near` is 0.
+    #[must_use]
+    pub fn with_near(self, near: f64) -> Self {
+        Self { near: near > 0.0, ..self }
+    }
+
+    /// Sets whether neighbouring samples of a camera ray share one transmittance query.
+    #[must_use]
+    pub fn with_lookup_mode(self, samples: Lookups) -> Self {
+        Self { shader: self.shader.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")), ..self }
+    }
+
+    /// Returns the shader with the given entry file, together with the code of the transmittance query.
+    pub fn within(&self, entry: &'static str) -> ShaderVariant {
+        let module = if self.near { "shadow/near.wgsl" } else { "shadow/direct.wgsl" };
+        ShaderVariant { entry, ..self.shader.clone() }.modules(&[module])
+    }
+
+    /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
+    pub fn marches(&self) -> bool {
+        marches_cells(&self.shader)
+    }
+}
