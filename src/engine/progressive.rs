@@ -120,7 +120,8 @@ impl ProgressiveRenderer {
         let scene = Scene { width, height, step, shading, ..scene.clone() };
         let mut sides = Vec::with_capacity(2);
         let mut longest_band_ms = 0.0_f64;
-        let joint = self.session.renderer.gpu().tuning.joint_submission;
+        let gpu = self.session.renderer.gpu();
+        let joint = gpu.tuning.joint_submission && gpu.timestamp_period_ns.is_some();
         for spec in &quality.methods {
             let side = self.draw_side(spec, &scene, is_final, joint, &mut work, &proceed)?;
             let Some((side, band_ms)) = side else { return Ok(None) };
@@ -158,6 +159,10 @@ impl ProgressiveRenderer {
         let made =
             self.session.prepare_with(method.as_ref(), extent, &mut built, joint.then_some(&deferred))?;
         let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
+        let is_built = deferred.is_empty();
+        if is_built {
+            record_build(&mut self.speeds, (spec, map), built, work);
+        }
         if !proceed() {
             return Ok(None);
         }
@@ -166,14 +171,14 @@ impl ProgressiveRenderer {
         let screen = Screen { target: &texture, pace };
         let shadows = LightMaps::from(made.shadows).after(&deferred);
         let drawn = made.renderer.draw_to(screen, (made.loaded, made.transfer), shadows, scene, proceed)?;
+        let is_complete = self.session.complete(method.as_ref(), deferred, &mut built)?;
         let Some(drawn) = drawn else { return Ok(None) };
-        if !self.session.complete(method.as_ref(), deferred, &mut built)? {
+        if !is_complete {
             // A map lacks memory: it is built alone, and grows.
             return self.draw_side(spec, scene, is_final, false, work, proceed);
         }
-        if let Some(ms) = built.build_ms {
-            *work.build_ms.get_or_insert(0.0) += ms;
-            self.speeds.record_build(spec, map, ms / built.built.max(1) as f64);
+        if !is_built {
+            record_build(&mut self.speeds, (spec, map), built, work);
         }
         let made = self.session.prepare(method.as_ref(), extent, &mut Work::default())?;
         let side = MethodFrame {
@@ -185,6 +190,14 @@ impl ProgressiveRenderer {
             frame_ms: drawn.span.best().0,
         };
         Ok(Some((side, drawn.longest_band_ms)))
+    }
+}
+
+/// Adds the build time of the shadow maps of a method to the work of a picture, and records it for later pictures.
+fn record_build(speeds: &mut Speeds, (spec, map): (&MethodSpec, u32), built: Work, work: &mut Work) {
+    if let Some(ms) = built.build_ms {
+        *work.build_ms.get_or_insert(0.0) += ms;
+        speeds.record_build(spec, map, ms / built.built.max(1) as f64);
     }
 }
 

@@ -162,8 +162,10 @@ impl ShadowCache {
     /// region.
     pub fn is_outgrown(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> bool {
         let method_key = method_key(method);
-        let exists =
-            |light: &Light| self.maps.iter().any(|map| map.light == *light && map.method == method_key);
+        let is_map = |map: &CachedMap, light: &Light| {
+            map.light == *light && map.method == method_key && map.deferred.is_none()
+        };
+        let exists = |light: &Light| self.maps.iter().any(|map| is_map(map, light));
         shining_lights(scene).iter().all(exists) && self.missing(source, method, scene) > 0
     }
 
@@ -172,6 +174,7 @@ impl ShadowCache {
         self.maps.iter().rposition(|map| {
             let is_substitute = !acceptable.needs_shadows() && map.method == *effective;
             map.light == light
+                && map.deferred.is_none()
                 && (is_substitute || (map.method == *requested && map.covers(source, *view, self.reuse)))
         })
     }
@@ -223,7 +226,8 @@ impl ShadowCache {
             }
             work.built += 1;
             let method = acceptable.effective.clone();
-            self.maps.push(CachedMap { method, light, map, tested: Cell::new(None), deferred });
+            let tested = Cell::new(Some((acceptable.view, true)));
+            self.maps.push(CachedMap { method, light, map, tested, deferred });
         }
         // The most recently used map of each light is the one for this picture.
         let last = |light: &Light| self.maps.iter().rfind(|map| map.light == *light).map(|map| &map.map);
@@ -243,19 +247,27 @@ impl ShadowCache {
         work: &mut Work,
     ) -> Result<bool> {
         let results = deferred.into_results();
-        let mut is_complete = true;
-        for mut cached in std::mem::take(&mut self.maps) {
-            if let Some(results) = cached.deferred.take().and_then(|passes| results.get(passes)) {
-                if !renderer.complete(loaded, method, &mut cached.map, results)? {
-                    is_complete = false;
-                    continue;
+        let mut outcome = Ok(true);
+        self.maps.retain_mut(|cached| {
+            let Some(passes) = cached.deferred.take() else { return true };
+            let own = results.get(passes).unwrap_or(&[None]);
+            let spans = own.iter().flatten().map(|result| result.span.best().0);
+            match renderer.complete(loaded, method, &mut cached.map, own) {
+                Ok(true) => {
+                    *work.build_ms.get_or_insert(0.0) += spans.sum::<f64>();
+                    true
                 }
-                let device = cached.map.report.device.map_or(0.0, |span| span.best().0);
-                *work.build_ms.get_or_insert(0.0) += device;
+                Ok(false) => {
+                    outcome = std::mem::replace(&mut outcome, Ok(true)).map(|_| false);
+                    false
+                }
+                Err(e) => {
+                    outcome = Err(e);
+                    false
+                }
             }
-            self.maps.push(cached);
-        }
-        Ok(is_complete)
+        });
+        outcome
     }
 
     /// Evicts the least recently used shadow maps from the cache until it has space for `missing` more. Maps of

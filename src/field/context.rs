@@ -47,6 +47,9 @@ pub struct TileList<'a> {
     pub workgroups: u32,
 }
 
+/// Largest part of a submission, by the expected duration, that deferred passes take: a part of a picture follows.
+const MOST_DEFERRED: f64 = 0.5;
+
 impl BuildContext<'_> {
     /// Returns the graphics device on which the shadow map is built.
     pub fn gpu(&self) -> &Gpu {
@@ -97,7 +100,7 @@ impl BuildContext<'_> {
         uniform_buffer(self.gpu(), "light space", &light_space.uniform())
     }
 
-    /// Returns a context whose passes are not deferred, for builds that read results between their passes.
+    /// Returns a context whose passes are not deferred, for builds whose passes depend on each other.
     #[must_use]
     pub fn at_once(&self) -> Self {
         Self { deferred: None, ..*self }
@@ -118,7 +121,6 @@ impl BuildContext<'_> {
         let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
         let groups = &[self.transfer.group(), shadow, stage];
         let pass = DevicePass { variant, groups, workgroups };
-        self.submit_deferred()?;
         Ok(self.kernels.run(label, &[pass], &[])?.0)
     }
 
@@ -145,15 +147,16 @@ impl BuildContext<'_> {
             let stage = self.kernels.group(label, &[&[entries][..], stage].concat());
             (stage, shape_of(batch.count() * list.workgroups))
         };
-        if let Some(deferred) = self.deferred.filter(|_| self.pace.is_short(label, list.count)) {
+        let share = self.pace.share(label, list.count);
+        let fits = |deferred: &&DeferredPasses| deferred.share() + share <= MOST_DEFERRED;
+        if let Some(deferred) = self.deferred.filter(fits) {
             let (stage, workgroups) = over(Batch::all(list.count));
             let groups = &[self.transfer.group(), shadow, &stage];
             let pass = DevicePass { variant, groups, workgroups };
-            deferred.push(label, list.count, self.kernels.record(label, &[pass], read.as_slice())?);
+            deferred.push(label, list.count, share, self.kernels.record(label, &[pass], read.as_slice())?);
             let gpu_ms = self.gpu().timestamp_period_ns.map(|_| 0.0);
             return Ok((Span { gpu_ms, wall_ms: 0.0 }, None));
         }
-        self.submit_deferred()?;
         let mut words = Vec::new();
         let span = self.pace.run_batches(label, list.count, granule, |batch| {
             self.wait_until_idle();
@@ -184,16 +187,10 @@ impl BuildContext<'_> {
         let passes = groups.iter().zip(steps);
         let passes: Vec<_> =
             passes.map(|(groups, (_, size))| DevicePass { variant, groups, workgroups: *size }).collect();
-        self.submit_deferred()?;
         self.pace.run_batches(label, steps.len() as u32, 1, |batch| {
             self.wait_until_idle();
             Ok(self.kernels.run(label, &passes[batch.range()], &[])?.0)
         })
-    }
-
-    /// Submits deferred passes, since the next one may read what they store.
-    fn submit_deferred(&self) -> Result<()> {
-        self.deferred.map_or(Ok(()), |deferred| deferred.submit_with(self.kernels, None).map(|_| ()))
     }
 
     /// Waits until the device is idle, if the duration of submissions is limited and measured by the host's clock. The

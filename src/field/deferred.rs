@@ -11,6 +11,8 @@ pub struct DeferredPasses(Mutex<Vec<Entry>>);
 struct Entry {
     label: &'static str,
     count: u32,
+    /// Expected duration of the pass, as a share of the intended duration of a submission.
+    share: f64,
     state: State,
 }
 
@@ -44,10 +46,15 @@ impl DeferredPasses {
         self.len() == 0
     }
 
-    /// Defers a pass over `count` list entries.
-    pub(super) fn push(&self, label: &'static str, count: u32, pass: RecordedPass) {
+    /// Sum of the expected durations of all deferred passes, as a share of the intended duration of a submission.
+    pub(super) fn share(&self) -> f64 {
+        self.entries(|entries| entries.iter().map(|entry| entry.share).sum())
+    }
+
+    /// Defers a pass over `count` list entries, with its expected share of a submission.
+    pub(super) fn push(&self, label: &'static str, count: u32, share: f64, pass: RecordedPass) {
         let state = State::Recorded(Box::new(pass));
-        self.entries(|entries| entries.push(Entry { label, count, state }));
+        self.entries(|entries| entries.push(Entry { label, count, share, state }));
     }
 
     /// Submits all passes that are not yet submitted, and `last` after them, in one submission. Returns the result of
@@ -55,7 +62,7 @@ impl DeferredPasses {
     ///
     /// # Errors
     /// The device is lost, or a loop of a shader reached its iteration limit.
-    pub fn submit_with(&self, kernels: &Kernels, last: Option<RecordedPass>) -> Result<(Span, Words)> {
+    pub fn submit_with(&self, kernels: &Kernels, last: RecordedPass) -> Result<(Span, Words)> {
         let take = |entry: &mut Entry| match std::mem::replace(&mut entry.state, State::Lost) {
             State::Recorded(pass) => Some(*pass),
             done => {
@@ -64,13 +71,9 @@ impl DeferredPasses {
             }
         };
         let mut passes: Vec<_> = self.entries(|entries| entries.iter_mut().filter_map(take).collect());
-        let has_last = last.is_some();
-        passes.extend(last);
-        if passes.is_empty() {
-            return Ok(Default::default());
-        }
+        passes.push(last);
         let mut results = kernels.submit(passes)?;
-        let last = if has_last { results.pop() } else { None };
+        let last = results.pop();
         self.entries(|entries| {
             let lost = entries.iter_mut().filter(|entry| matches!(entry.state, State::Lost));
             lost.zip(results).for_each(|(entry, (span, words))| entry.state = State::Done(span, words));
@@ -81,7 +84,7 @@ impl DeferredPasses {
     /// Returns the results of all deferred passes, in order; `None` for a pass that the device has not run.
     pub fn into_results(self) -> Vec<Option<DeferredResult>> {
         let entries = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let result = |Entry { label, count, state }| match state {
+        let result = |Entry { label, count, state, .. }| match state {
             State::Done(span, words) => Some(DeferredResult { label, count, span, words }),
             State::Recorded(_) | State::Lost => None,
         };

@@ -69,10 +69,10 @@ impl TilePace {
         self.target_ms.is_finite()
     }
 
-    /// Whether a pass over `count` list entries is expected to take at most half the intended duration of a submission,
-    /// so that a part of a picture can follow in the same submission.
-    pub(super) fn is_short(&self, pass: &'static str, count: u32) -> bool {
-        count <= self.most(pass) / 2
+    /// Returns the expected duration of a pass over `count` list entries, as a share of the intended duration of a
+    /// submission.
+    pub(super) fn share(&self, pass: &'static str, count: u32) -> f64 {
+        if self.is_limited() { f64::from(count) / f64::from(self.most(pass).max(1)) } else { 0.0 }
     }
 
     /// Records the duration of a pass that a submission of several passes ran.

@@ -79,7 +79,7 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
         if std::mem::replace(&mut self.begun, true) && !(self.go_on)() {
             return None;
         }
-        if self.gpu.timestamp_period_ns.is_none() && !self.gpu.tuning.joint_submission {
+        if self.gpu.timestamp_period_ns.is_none() {
             // The work of other threads must not count as a band's time by the host's clock. A lost device is reported
             // by the band itself.
             let _ = self.gpu.wait_for(self.gpu.submit([]));

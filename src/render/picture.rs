@@ -252,7 +252,7 @@ impl Renderer {
         let cast = |passes: &[DevicePass<'_>], reads: &[Read<'_>]| {
             let passes = [passes, after.as_slice()].concat();
             let recorded = self.kernels.record("ray cast", &passes, reads)?;
-            caster.deferred.submit_with(&self.kernels, Some(recorded))
+            caster.deferred.submit_with(&self.kernels, recorded)
         };
         loop {
             let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
