@@ -264,7 +264,7 @@ impl LayeredMap {
             // The storage texture is allocated in whole lines.
             bytes: self.record.texture_bytes(count) + other_bytes,
             bytes_used: count * self.record.bytes() + other_bytes,
-            texels_hit: Some(words.map_or(0, |words| words[0].into())),
+            texels_hit: Some(words.and_then(|words| words.first().copied()).unwrap_or(0).into()),
             tiles: built.tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.record.bytes(),

@@ -248,7 +248,7 @@ impl VectorMapDescriptor {
             bytes: texels_stored * self.texel_bytes() + tiles.table_bytes(),
             bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
                 + tiles.table_bytes(),
-            texels_hit: Some(words.map_or(0, |words| words[0].into())),
+            texels_hit: Some(words.and_then(|words| words.first().copied()).unwrap_or(0).into()),
             tiles: tiles.tiles,
             tiles_left_out: left_out,
             bytes_left_out: u64::from(left_out * TILE_SIDE * TILE_SIDE) * self.texel_bytes(),
