@@ -36,6 +36,8 @@ struct LightSpace {
     step_mm: f32,
     // Length of the march towards the light before a query of the shadow map, mm (`near`).
     near_mm: f32,
+    // Width of a texel in the middle of the shadow map, mm.
+    texel_mm: f32,
 }
 
 // Bound in every pipeline, also for shadow methods without a map: shading reads the position of the light.

@@ -229,8 +229,16 @@ mod tests {
     use super::super::test_depths::test_depths;
     use super::*;
 
-    const BOUND: Bound =
-        Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
+    const BOUND: Bound = Bound {
+        transmittance: 0.02,
+        depth_mm: 0.1,
+        lateral_mm: 0.0,
+        value: 0.0,
+        from_light_mm: 0.0,
+        texels_a_side: 2,
+        align_mm: 0.0,
+        reach_mm: 0.0,
+    };
 
     /// Exact transmittance behind a thin sheet at 1 mm that stops half of the light and a uniform slab of 0.2/mm from
     /// 2 to 12 mm.

@@ -44,10 +44,16 @@ impl DrawnFrom {
             Self::Lines => March::Lines,
         }
     }
+
+    /// Returns the length of the march before a query of the shadow map, in smallest voxel spacings: `near`, or 0
+    /// for strands, which are thinner than voxels.
+    pub fn near(self, near: f64) -> f64 {
+        if self == Self::Lines { 0.0 } else { near }
+    }
 }
 
 /// Name of the setting that selects the geometry (voxels or strands) from which a shadow map is built.
-const FROM: &str = "from";
+pub(super) const FROM: &str = "from";
 /// Condition under which some settings of a shadow method have an effect: voxels cast the shadows, not strands
 /// (`from=lines`).
 pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
@@ -146,15 +152,35 @@ pub(super) const FILTER_KEY: Key = Key::choice(
 )
 .search_all();
 
+choices! {
+    /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+    pub enum Align {
+        /// Aligns the texels around a point at the depths where their matter begins, if these are close enough to be
+        /// one surface.
+        On = "on",
+        /// Averages the texels around a point at the depth of the point.
+        Off = "off",
+    }
+}
+
+/// Setting `align`: whether the four texels around a point are aligned at their first depths.
+pub(super) const ALIGN_KEY: Key = Key::choice(
+    Align::NAMES,
+    "off",
+    "texels around a point are aligned at the depths where their matter begins (filter=bilinear)",
+)
+.when(When::Unless("filter", "nearest"));
+
 /// Name of the setting for the length of the march towards the light before a query of the shadow map.
 pub(super) const NEAR: &str = "near";
 /// Setting `near`: length of the march from a point towards the light before a query of the shadow map.
 pub(super) const NEAR_KEY: Key = Key::number(
     [0.0, 32.0],
-    "0",
+    "4",
     "voxels (smallest spacings) marched towards the light before the map is queried; 0: none",
 )
-.search(&["0", "2", "4", "8"]);
+.search(&["0", "2", "4", "8"])
+.when(UNLESS_LINES);
 
 /// Declares the settings of a shadow method: a public struct, and one [`Key`] for each field, with the field's name.
 /// `..MapSettings` inserts the settings that all shadow maps share, and adds the function `shape`.
@@ -192,7 +218,7 @@ macro_rules! settings {
         impl $name {
             /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
             pub(super) fn shape(&self) -> $crate::field::MapShape {
-                self.fit.shape(self.map, self.from.march(self.march, self.step), self.near)
+                self.fit.shape(self.map, self.from.march(self.march, self.step), self.from.near(self.near))
             }
         }
     };

@@ -1,8 +1,17 @@
 //! Shader code of transmittance queries.
 
-use super::keys::Lookups;
-use crate::field::marches_cells;
-use crate::gpu::ShaderVariant;
+use super::keys::{Align, Filter, Lookups};
+use crate::field::{LightSpace, marches_cells};
+use crate::gpu::{Constant, ShaderVariant};
+
+/// Largest difference in depth at which neighbouring shadow map texels still count as one surface, in widths of a
+/// texel.
+const STEEPEST_SURFACE: f32 = 4.0;
+
+/// Returns the largest shift in depth that the alignment of texels makes, mm.
+pub(super) fn steepest_mm(light_space: &LightSpace) -> f64 {
+    f64::from(STEEPEST_SURFACE) * light_space.texel_mm()
+}
 
 /// Shader code of a transmittance query: modules, definitions and constants that provide
 /// `umbravox::shadow::transmittance`.
@@ -42,5 +51,16 @@ impl Lookup {
     /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
     pub fn marches(&self) -> bool {
         marches_cells(&self.shader)
+    }
+}
+
+impl ShaderVariant {
+    /// Adds the alignment of the four texels around a point at their first depths, for a query that filters texels
+    /// in this way. The module of the query follows.
+    #[must_use]
+    pub(super) fn with_alignment(self, align: Align, filter: Filter) -> Self {
+        let steepest = Constant::float("STEEPEST_SURFACE", STEEPEST_SURFACE);
+        let is_on = align == Align::On && filter == Filter::Bilinear;
+        self.modules(&["shadow/align.wgsl"]).constants(&[steepest]).defs(is_on.then_some("ALIGN"))
     }
 }

@@ -1,7 +1,7 @@
 //! Interface of shadow methods: registry entry, settings, transmittance query, built shadow map, cost and error
 //! bound.
 
-use super::keys::{MAP, MARCH, NEAR};
+use super::keys::{FROM, MAP, MARCH, NEAR};
 use super::lookup::Lookup;
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
@@ -177,6 +177,13 @@ pub struct Bound {
     /// Distance from a point light within which the error bound of the shadow method does not hold, mm: float32 does
     /// not resolve texels there.
     pub from_light_mm: f64,
+    /// Number of texels per side whose curves a query combines at a point: 2 with bilinear filtering, 1 for the
+    /// nearest texel, 0 for a shadow ray of the point's own.
+    pub texels_a_side: u32,
+    /// Bound on the shift in depth by which a query aligns these texels between their light rays, mm.
+    pub align_mm: f64,
+    /// Bound on the distance from a point to the light rays whose transmittance bounds that at the point, mm.
+    pub reach_mm: f64,
 }
 
 impl Bound {
@@ -188,6 +195,9 @@ impl Bound {
             lateral_mm: a.lateral_mm.max(b.lateral_mm),
             value: a.value.max(b.value),
             from_light_mm: a.from_light_mm.max(b.from_light_mm),
+            texels_a_side: a.texels_a_side.max(b.texels_a_side),
+            align_mm: a.align_mm.max(b.align_mm),
+            reach_mm: a.reach_mm.max(b.reach_mm),
         };
         let bounds = maps.into_iter().map(|map| map.bound).collect::<Option<Vec<_>>>()?;
         bounds.into_iter().reduce(looser)
@@ -317,7 +327,8 @@ impl Curve {
     /// depth: a march from a point takes other samples than one from its neighbour.
     pub(super) fn of_map(spec: &MethodSpec) -> Self {
         let near = spec.value(NEAR).unwrap_or(Value::Number(0.0));
-        if near == Value::Number(0.0) { Self::Falls } else { Self::Stays }
+        let marches = near != Value::Number(0.0) && spec.value(FROM) != Some(Value::Choice("lines"));
+        if marches { Self::Stays } else { Self::Falls }
     }
 }
 

@@ -9,9 +9,6 @@ pub const OPAQUE_DEPTH: f32 = 7.6246;
 /// Largest difference in transmittance between the exact curve of a light ray and the piecewise linear curve from its
 /// march.
 pub const CHORD_TOLERANCE: f64 = 0.0023;
-/// Largest difference in depth at which neighbouring shadow map texels still count as one surface, in widths of a
-/// texel.
-pub const STEEPEST_SURFACE: f64 = 4.0;
 
 /// Bound on the error in transmittance of four-point Gauss quadrature over intervals of a light ray on which `1 -
 /// opacity` changes by a factor of 2 at most. It applies at a transmittance of 1/e, where an error in optical depth
@@ -35,7 +32,8 @@ pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Boun
         depth_mm: SHORT_PIECE * context.volume.min_spacing_mm() + rounding.position_mm,
         lateral_mm: rounding.position_mm,
         value: context.transfer.value_rounding(),
-        from_light_mm: 0.0,
+        reach_mm: rounding.position_mm,
+        ..Bound::default()
     }
 }
 

@@ -57,9 +57,9 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &s
 const METHODS: [&str; 5] = [
     "rays",
     "dsm:epsilon=0.005,map=64",
-    "dsm:epsilon=0.02,map=64",
+    "dsm:epsilon=0.02,map=64,near=0",
     "dsm:epsilon=0.005,compress=optimal,map=64",
-    "dsm:epsilon=0.03,compress=optimal,map=64",
+    "dsm:epsilon=0.03,compress=optimal,map=64,near=0,align=on",
 ];
 
 #[test]

@@ -27,7 +27,7 @@ fn planes_lie_where_the_split_says_in_dom_and_in_bom() {
     };
     for split in ["linear", "growing", "log"] {
         for method in ["dom", "bom"] {
-            let rest = "map=64,bits=32,depth_bits=32,filter=nearest";
+            let rest = "near=0,map=64,bits=32,depth_bits=32,filter=nearest";
             let spec = format!("{method}:layers={layers},split={split},{rest}");
             let spec = if method == "dom" { format!("{spec},spread=1") } else { spec };
             let map = setup.shadow(&spec, light);
@@ -95,7 +95,7 @@ fn stored_optical_depth_saturates() {
         for (place, light) in lights(setup.volume()) {
             for method in ["osm:layers=9", "osm:layers=9,kernel=3", "dom:layers=5", "bom:layers=5"] {
                 for bits in [8, 16, 32] {
-                    let method = format!("{method},map=64,bits={bits}");
+                    let method = format!("{method},near=0,map=64,bits={bits}");
                     let sane = along_light_rays(&setup, &method, light).1;
                     let bad = sane.monotone_violations + sane.non_finite + sane.out_of_range;
                     assert_eq!(bad, 0, "{per_mm}, {place}, {method}: {sane:?}");
@@ -104,7 +104,7 @@ fn stored_optical_depth_saturates() {
         }
         let behind = DVec3::new(0.2, 0.1, -15.0);
         for method in ["osm:layers=9", "dom:layers=5", "bom:layers=5"] {
-            let t = setup.query(&setup.shadow(&format!("{method},map=64"), ABOVE), &[behind])[0];
+            let t = setup.query(&setup.shadow(&format!("{method},near=0,map=64"), ABOVE), &[behind])[0];
             assert!(t < 1.0 / 2040.0, "{method}: {t}");
         }
     }
@@ -119,7 +119,7 @@ fn filters_average_transmittance_or_depth() {
     let tf = extinction(&[(500.0, 0.0), (500.0, 2.0)]);
     let Some(setup) = Setup::open(&Arc::new(volume), &tf) else { return };
     for method in ["osm:layers=8", "dom:layers=8", "bom:layers=8", "osm:layers=8,kernel=3"] {
-        let built = |rest: &str| setup.shadow(&format!("{method},map=48,bits=32{rest}"), ABOVE);
+        let built = |rest: &str| setup.shadow(&format!("{method},near=0,map=48,bits=32{rest}"), ABOVE);
         // Along rows and along columns, one of which crosses the edge.
         let values = |map: &ShadowMap, at: f64| -> Vec<f64> {
             let z = map.light_space.z_range[1] - 0.5;
@@ -156,7 +156,7 @@ fn a_kernel_is_judged_by_the_texels_that_it_averages() {
     };
     let light = lights(setup.volume())[0].1;
     let error = |rest: &str| {
-        let method = format!("osm:layers=512,map=48,bits=32{rest}");
+        let method = format!("osm:layers=512,near=0,map=48,bits=32{rest}");
         along_light_rays(&setup, &method, light).0.ray_err_max().unwrap()
     };
     let (plain, kernel) = (error(""), error(",kernel=3,average=transmittance"));
@@ -177,7 +177,7 @@ fn slices_by_lost_light_leave_out_what_is_dark() {
     let tf = extinction(&[(0.0, 0.0), (100.0, 0.08), (1000.0, 3.0)]);
     let Some(setup) = Setup::open(&Arc::new(volume), &tf) else { return };
     let error = |slicing: &str| {
-        let method = format!("osm:layers=6,slicing={slicing},bits=32,map=64");
+        let method = format!("osm:layers=6,slicing={slicing},bits=32,near=0,map=64");
         along_light_rays(&setup, &method, ABOVE).0.ray_err_max().unwrap()
     };
     let [density, lit] = ["density", "lit"].map(error);
@@ -199,7 +199,7 @@ fn a_lookup_for_each_sample_is_closer() {
     println!("rms to the exact picture: lookups shared {shared:.6}, for each sample {each:.6}");
     assert!(each < 0.8 * shared && each < 1e-3, "{shared} {each}");
     // Every method accepts the setting, and its map gives the same results.
-    for method in ["dsm:map=64", "osm:map=64", "dom:map=64", "bom:map=64"] {
+    for method in ["dsm:near=0,map=64", "osm:near=0,map=64", "dom:near=0,map=64", "bom:near=0,map=64"] {
         let each = format!("{method},lookup=each");
         let difference = rms_difference(&setup.picture(&each, &scene), &setup.picture(method, &scene));
         assert!(difference > 0.0 && difference < 0.02, "{method}: {difference}");

@@ -77,7 +77,7 @@ fn marches_by_cells_are_the_same_to_the_last_bit() {
             let Some([whole, small]) = sessions(&volume) else { return };
             let points = points(&volume);
             let light = Light::Directional { toward: DVec3::new(0.4, 0.5, 0.7) };
-            for method in ["rays", "dsm:epsilon=0.02", "dom:layers=4", "lightvolume:scale=4"] {
+            for method in ["rays", "dsm:near=0", "dom:layers=4,near=0", "lightvolume:scale=4"] {
                 let method = shadow::parse(method).unwrap();
                 let [a, b] = [&whole, &small].map(|session| {
                     let map = session.shadow(method.as_ref(), light).unwrap();
@@ -153,7 +153,7 @@ fn labels_and_planes_are_where_they_were() {
         let Some(both) = sessions_through(&volume, &tf) else { return };
         let points = points(&volume);
         let light = Light::Directional { toward: DVec3::new(0.3, 0.2, -0.9) };
-        for method in ["rays", "dsm:map=64"] {
+        for method in ["rays", "dsm:near=0,map=64"] {
             let [a, b] = both.each_ref().map(|session| {
                 let map = session.shadow(shadow::parse(method).unwrap().as_ref(), light).unwrap();
                 session.query(&map, &points).unwrap()

@@ -21,7 +21,11 @@ fn opacity_maps_converge() {
     for (name, tf) in [("slab", ramp(0.05)), ("thorax:64", thorax)] {
         let Some(setup) = Setup::open(&phantom(name), &tf) else { return };
         let error = |layers: u32| {
-            ray_err_max(&setup, &format!("osm:layers={layers},bits=32,map=64"), lights(setup.volume())[0].1)
+            ray_err_max(
+                &setup,
+                &format!("osm:layers={layers},bits=32,near=0,map=64"),
+                lights(setup.volume())[0].1,
+            )
         };
         let errors = [8, 16, 32, 64, 128, 256].map(error);
         println!("{name}: osm layers 8 to 256: {errors:.4?}");
@@ -34,8 +38,9 @@ fn opacity_maps_converge() {
 #[test]
 fn slices_lie_at_their_reported_depths() {
     let Some(setup) = Setup::open(&phantom("slab"), &ramp(0.05)) else { return };
-    let error =
-        |slicing: &str| ray_err_max(&setup, &format!("osm:layers=4,slicing={slicing},bits=32,map=32"), ABOVE);
+    let error = |slicing: &str| {
+        ray_err_max(&setup, &format!("osm:layers=4,slicing={slicing},bits=32,near=0,map=32"), ABOVE)
+    };
     let [uniform, density, gamma] = ["uniform", "density", "gamma"].map(error);
     println!("slab, 4 layers: uniform {uniform:.4}, density {density:.4}, gamma {gamma:.4}");
     // The slab is uniform inside, so equal shares of its mass start and end with it; close planes in front catch
@@ -52,7 +57,7 @@ fn slices_by_density_begin_at_the_thinnest_matter() {
     let Some(setup) = Setup::open(&Arc::new(volume), &fog) else { return };
     let below = Light::Directional { toward: DVec3::NEG_Z };
     let error = |layers: u32| {
-        ray_err_max(&setup, &format!("osm:layers={layers},slicing=density,bits=32,map=32"), below)
+        ray_err_max(&setup, &format!("osm:layers={layers},slicing=density,bits=32,near=0,map=32"), below)
     };
     let errors = [8, 32, 128].map(error);
     println!("fog before a wall, 8, 32, 128 layers by density: {errors:.4?}");
@@ -64,7 +69,7 @@ fn slices_by_density_begin_at_the_thinnest_matter() {
 fn a_kernel_averages_nine_texels() {
     let Some(setup) = Setup::open(&phantom("shell:32"), &ramp(0.05)) else { return };
     let light = lights(setup.volume())[0].1;
-    let build = |rest: &str| setup.shadow(&format!("osm:layers=16,map=48,bits=32{rest}"), light);
+    let build = |rest: &str| setup.shadow(&format!("osm:layers=16,near=0,map=48,bits=32{rest}"), light);
     let depths = |map: &ShadowMap, texels: &[glam::DVec2]| -> Vec<f64> {
         let z = map.light_space.z_range[0] + 30.0;
         let at = |t: &glam::DVec2| {
@@ -128,9 +133,9 @@ fn deep_opacity_begins_where_matter_does() {
         assert!(before.len() > 60, "{place}: {}", before.len());
         let points: Vec<DVec3> = before.iter().map(|p| p.0).collect();
         for method in [
-            "dom:layers=3,map=512",
-            "dom:layers=3,map=512,depth_bits=32,filter=nearest",
-            "bom:layers=3,map=512",
+            "dom:layers=3,near=0,align=on,map=512",
+            "dom:layers=3,near=0,map=512,depth_bits=32,filter=nearest",
+            "bom:layers=3,near=0,align=on,map=512",
         ] {
             let map = setup.shadow(method, light);
             let lit = setup.query(&map, &points).iter().filter(|t| **t == 1.0).count();
@@ -147,7 +152,11 @@ fn transmittance_is_one_up_to_the_start_on_every_tested_ray() {
     let Some(setup) = Setup::open(&phantom("sphere"), &jump) else { return };
     let field = setup.exact();
     for (place, light) in lights(setup.volume()) {
-        for method in ["dom:layers=3,map=64", "dom:layers=3,map=64,depth_bits=8", "bom:layers=3,map=64"] {
+        for method in [
+            "dom:layers=3,near=0,map=64",
+            "dom:layers=3,near=0,map=64,depth_bits=8",
+            "bom:layers=3,near=0,map=64",
+        ] {
             let map = setup.shadow(method, light);
             let mut points = Vec::new();
             for i in 0..256 {
@@ -191,7 +200,7 @@ fn deep_opacity_has_no_bands_at_the_lit_side() {
         values.iter().zip(&seen).map(|(t, (_, exact))| f64::from(*t) - exact).collect()
     };
     let worst = |errors: &[f64]| errors.iter().fold(0.0_f64, |m, e| m.max(e.abs()));
-    let (osm, dom) = (errors("osm:layers=15"), errors("dom:layers=15"));
+    let (osm, dom) = (errors("osm:layers=15,near=0"), errors("dom:layers=15,near=0,align=on"));
     println!("lit side of a ball, 15 layers: osm {:.4}, dom {:.4}", worst(&osm), worst(&dom));
     assert!(worst(&osm) > 0.1, "planes cut through the surface: bands");
     assert!(worst(&dom) < 0.25 * worst(&osm), "{} {}", worst(&dom), worst(&osm));
@@ -206,7 +215,7 @@ fn lookups_behind_the_last_layer() {
     };
     let total = 0.05 * 32.0;
     // The slab goes down from z = 16 to -16; a quarter of the map's depth is about a quarter of that.
-    let dom = |beyond: &str| format!("dom:layers=3,spread=0.25,bits=32,map=32,beyond={beyond}");
+    let dom = |beyond: &str| format!("dom:layers=3,spread=0.25,bits=32,near=0,map=32,beyond={beyond}");
     assert!((depth(&dom("extend"), -30.0) - total).abs() < tolerance::FULL_DEPTH);
     assert!(
         (depth(&dom("extend"), 4.0) - total).abs() < tolerance::FULL_DEPTH,
@@ -237,7 +246,7 @@ fn the_last_layer_holds_the_full_depth() {
                 "bom:layers=7,split=texel",
                 "osm:layers=1,slicing=density",
             ] {
-                let map = setup.shadow(&format!("{method},map=64,bits=32"), light);
+                let map = setup.shadow(&format!("{method},near=0,map=64,bits=32"), light);
                 let space = &map.light_space;
                 let rays = (0..256).map(|i| {
                     let texel = glam::DVec2::new(f64::from(4 * (i % 16) + 1), f64::from(4 * (i / 16) + 2));
@@ -263,7 +272,7 @@ fn opaque_matter_fills_the_layers_behind_it() {
     let points: Vec<DVec3> = (0..9).map(|i| DVec3::new(1.0, 2.0, 10.0 - 5.0 * f64::from(i))).collect();
     for method in ["osm:layers=64", "dom:layers=31", "dom:layers=3,spread=0.1,beyond=ignore", "bom:layers=31"]
     {
-        let values = setup.query(&setup.shadow(&format!("{method},map=64"), ABOVE), &points);
+        let values = setup.query(&setup.shadow(&format!("{method},near=0,map=64"), ABOVE), &points);
         assert!(values.iter().all(|t| *t < 0.02), "{method}: {values:?}");
     }
 }
@@ -275,7 +284,11 @@ fn stored_bits() {
     let [tf, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(setup) = Setup::open(&phantom("thorax:48"), &tf) else { return };
     for (place, light) in lights(setup.volume()) {
-        for method in ["osm:layers=15,map=48", "dom:layers=15,spread=1,map=48", "bom:layers=15,map=48"] {
+        for method in [
+            "osm:layers=15,near=0,map=48",
+            "dom:layers=15,spread=1,near=0,map=48",
+            "bom:layers=15,near=0,map=48",
+        ] {
             let of = |bits: u32| {
                 let method = format!("{method},bits={bits}");
                 let (report, sanity) = along_light_rays(&setup, &method, light);
@@ -317,7 +330,7 @@ fn the_chosen_ratio_follows_layers_and_density() {
     let choices = |volume: &Arc<Volume>, tf: &TransferFunction, what: &str, light: Light| {
         let setup = Setup::open(volume, tf)?;
         let row = [4, 8, 16, 32].map(|layers| {
-            let map = setup.shadow(&format!("bom:layers={layers},split=auto,map=64"), light);
+            let map = setup.shadow(&format!("bom:layers={layers},split=auto,near=0,map=64"), light);
             map.report.split_choice.unwrap()
         });
         let (ratios, correlations) = (row.map(|c| c.ratio), row.map(|c| c.correlation));
@@ -357,8 +370,8 @@ fn a_ratio_for_every_region_suits_mixed_scenes() {
         let sum: f64 = values.iter().zip(&exact).map(|(t, e)| (f64::from(*t) - e).powi(2)).sum();
         (sum / exact.len() as f64).sqrt()
     };
-    let texel = rms("bom:layers=7,split=texel,map=256");
-    let others = ["linear", "log", "hybrid"].map(|s| rms(&format!("bom:layers=7,split={s},map=256")));
+    let texel = rms("bom:layers=7,split=texel,near=0,map=256");
+    let others = ["linear", "log", "hybrid"].map(|s| rms(&format!("bom:layers=7,split={s},near=0,map=256")));
     println!("rms by region {texel:.4}; linear, log, hybrid {others:.4?}");
     assert!(others.iter().all(|o| texel < *o), "{texel} {others:?}");
 }

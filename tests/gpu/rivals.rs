@@ -56,7 +56,8 @@ fn fourier_is_exact_for_a_medium_of_its_own_terms() {
         1.2 + 0.5 * (std::f64::consts::TAU * s).cos() - 0.6 * (2.0 * std::f64::consts::TAU * s).sin()
     };
     let Some(setup) = Setup::open(&layers_of(wave), &extinction(&[(0.0, 0.0), (3.0, 0.06)])) else { return };
-    let error = |rest: &str| ray_err_max(&setup, &format!("fourier:{rest},filter=nearest,map=32,fit=volume"));
+    let error =
+        |rest: &str| ray_err_max(&setup, &format!("fourier:{rest},filter=nearest,near=0,map=32,fit=volume"));
     let errors = [1, 2, 3, 7].map(|terms| error(&format!("terms={terms},bits=32")));
     println!("one and two waves, 1, 2, 3, 7 terms: {errors:.5?}");
     // Values are linear between voxels, and constant in the outermost halves of voxels.
@@ -79,7 +80,8 @@ fn fourier_over_a_texels_own_range_is_exact_for_an_even_slab() {
     let Some(setup) = Setup::open(&volume, &even(0.03)) else { return };
     for (terms, bits, most) in [(1, 32, 1e-3), (6, 32, 1e-3), (7, 32, 1e-3), (7, 16, 4e-3)] {
         let error = |range: &str| {
-            let rest = format!("terms={terms},bits={bits},range={range},filter=nearest,map=32,fit=volume");
+            let rest =
+                format!("terms={terms},bits={bits},range={range},filter=nearest,near=0,map=32,fit=volume");
             ray_err_max(&setup, &format!("fourier:{rest}"))
         };
         let [map, texel] = ["map", "texel"].map(error);
@@ -106,7 +108,7 @@ fn fourier_rings_around_a_surface() {
     let wall = extinction(&[(0.0, 0.0), (100.0, 0.001), (1000.0, 0.2)]);
     let Some(setup) = Setup::open(&layers_of(value), &wall) else { return };
     let sanity = |terms: u32| {
-        along_light_rays(&setup, &format!("fourier:terms={terms},bits=32,map=32,fit=volume"), ABOVE).1
+        along_light_rays(&setup, &format!("fourier:terms={terms},bits=32,near=0,map=32,fit=volume"), ABOVE).1
     };
     let [few, many] = [3, 15].map(sanity);
     println!("a wall, 3 and 15 terms: {few:?} {many:?}");
@@ -121,7 +123,7 @@ fn clusters_are_exact_for_as_many_slabs() {
     let four: &[[f64; 2]] = &[[0.06, 0.2], [0.3, 0.44], [0.55, 0.7], [0.8, 0.95]];
     let Some(setup) = Setup::open(&slabs(four), &even(0.03)) else { return };
     let error =
-        |rest: &str| ray_err_max(&setup, &format!("clusters:{rest},filter=nearest,map=32,fit=volume"));
+        |rest: &str| ray_err_max(&setup, &format!("clusters:{rest},filter=nearest,near=0,map=32,fit=volume"));
     let errors = [1, 2, 4].map(|clusters| error(&format!("clusters={clusters},bits=32")));
     println!("four slabs, 1, 2, 4 clusters: {errors:.5?}");
     assert!(errors[2] < 1e-3 && errors[1] > 0.01 && errors[0] > 0.02, "{errors:?}");
@@ -129,8 +131,9 @@ fn clusters_are_exact_for_as_many_slabs() {
     let two: &[[f64; 2]] = &[[0.05, 0.25], [0.45, 0.95]];
     let setup = Setup::open(&slabs(two), &even(0.03)).unwrap();
     let error = |iterations: u32| {
-        let text =
-            format!("clusters:clusters=2,iterations={iterations},bits=32,filter=nearest,map=32,fit=volume");
+        let text = format!(
+            "clusters:clusters=2,iterations={iterations},bits=32,filter=nearest,near=0,map=32,fit=volume"
+        );
         ray_err_max(&setup, &text)
     };
     let errors = [1, 8].map(error);
@@ -142,8 +145,9 @@ fn clusters_are_exact_for_as_many_slabs() {
 fn nodes_are_the_curve_while_they_suffice() {
     let three: &[[f64; 2]] = &[[0.2, 0.21], [0.5, 0.51], [0.8, 0.81]];
     let Some(setup) = Setup::open(&slabs(three), &even(0.25)) else { return };
-    let error =
-        |nodes: u32| ray_err_max(&setup, &format!("avsm:nodes={nodes},filter=nearest,map=32,fit=volume"));
+    let error = |nodes: u32| {
+        ray_err_max(&setup, &format!("avsm:nodes={nodes},filter=nearest,near=0,map=32,fit=volume"))
+    };
     let errors = [4, 6, 16, 32].map(error);
     println!("three sheets, 4, 6, 16, 32 nodes: {errors:.5?}");
     // Chords stray by 0.0023 from each sheet's curve, which has no more than ten of them.
@@ -163,7 +167,7 @@ fn moments_are_exact_for_half_as_many_sheets() {
         for basis in ["power", "trigonometric"] {
             for (beta, bits) in [(0.0, 32), (0.25, 32), (1.0, 32), (0.0, 16), (0.25, 16), (1.0, 16)] {
                 let method = format!(
-                    "moments:moments={moments},basis={basis},beta={beta},bits={bits},map=32,fit=volume"
+                    "moments:moments={moments},basis={basis},beta={beta},bits={bits},near=0,map=32,fit=volume"
                 );
                 let map = setup.shadow(&method, ABOVE);
                 // Half way between neighbouring sheets, before the first and behind the last.
@@ -196,7 +200,10 @@ fn moments_in_words_are_those_in_floats() {
             "moments=8,basis=trigonometric",
         ] {
             let build = |bits: u32, filter: &str| {
-                setup.shadow(&format!("moments:{kind},bits={bits},filter={filter},map=64,fit=volume"), light)
+                setup.shadow(
+                    &format!("moments:{kind},bits={bits},filter={filter},near=0,map=64,fit=volume"),
+                    light,
+                )
             };
             for filter in ["nearest", "bilinear"] {
                 let (words, floats) = (build(16, filter), build(32, filter));
@@ -220,7 +227,7 @@ fn moments_in_words_are_those_in_floats() {
 fn opaque_slabs_keep_their_slope() {
     let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
     for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16"] {
-        let error = ray_err_max(&setup, &format!("{method},filter=nearest,map=32,fit=volume"));
+        let error = ray_err_max(&setup, &format!("{method},filter=nearest,near=0,map=32,fit=volume"));
         println!("an opaque slab, {method}: {error:.4}");
         assert!(error < 0.005, "{method}: {error}");
     }
@@ -232,7 +239,8 @@ fn moments_of_an_even_slab_are_those_of_the_paper() {
     let Some(setup) = Setup::open(&slabs(&[[0.0, 1.0]]), &even(0.01)) else { return };
     for (moments, most) in [(4, 1.0 / 2.25), (6, 1.0 / 2.25), (8, 1.0 / 3.515_625)] {
         for (beta, bits) in [(0.0, 32), (0.5, 32), (1.0, 32), (0.0, 16), (1.0, 16)] {
-            let method = format!("moments:moments={moments},beta={beta},bits={bits},map=32,fit=volume");
+            let method =
+                format!("moments:moments={moments},beta={beta},bits={bits},near=0,map=32,fit=volume");
             let map = setup.shadow(&method, ABOVE);
             let (origin, direction) = map.light_space.world_ray(DVec2::splat(16.0));
             let [start, end] = map.light_space.z_range;
@@ -256,7 +264,8 @@ fn moments_bracket_the_truth() {
             for (place, light) in lights(&volume) {
                 for kind in ["moments=4", "moments=6", "moments=8"] {
                     let at = |beta: u32| {
-                        let method = format!("moments:{kind},beta={beta},filter=nearest,map=32,fit=volume");
+                        let method =
+                            format!("moments:{kind},beta={beta},filter=nearest,near=0,map=32,fit=volume");
                         setup.shadow(&method, light)
                     };
                     let (least, most) = (at(0), at(1));
@@ -281,7 +290,8 @@ fn filters_cross_the_edges_of_tiles() {
         return;
     };
     for (place, light) in lights(setup.volume()) {
-        let build = |rest: &str| setup.shadow(&format!("fourier:terms=3{rest},map=48,fit=volume"), light);
+        let build =
+            |rest: &str| setup.shadow(&format!("fourier:terms=3{rest},near=0,map=48,fit=volume"), light);
         let nearest = build(",bits=32,filter=nearest");
         let (program, hardware) = (build(",bits=32"), build(",bits=16"));
         let space = &nearest.light_space;
@@ -313,8 +323,9 @@ fn filters_cross_the_edges_of_tiles() {
         let got = depth(&program, DVec2::splat(15.5));
         assert!((got - corner(&nearest)).abs() < 2e-4, "{place}, where four tiles meet: {got}");
         for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8"] {
-            let build =
-                |filter: &str| setup.shadow(&format!("{method},map=41,fit=volume,filter={filter}"), light);
+            let build = |filter: &str| {
+                setup.shadow(&format!("{method},near=0,map=41,fit=volume,filter={filter}"), light)
+            };
             let (nearest, bilinear) = (build("nearest"), build("bilinear"));
             for row in 0..41 {
                 let visible = |map: &ShadowMap, column: f64| {
@@ -355,7 +366,7 @@ fn more_numbers_say_more() {
         for (place, light) in lights(setup.volume()) {
             for march in ["cells", "samples"] {
                 let error = |n: u32| {
-                    let text = format!("{method}{n},march={march},map=64,fit=volume");
+                    let text = format!("{method}{n},march={march},near=0,map=64,fit=volume");
                     let map = setup.shadow(&text, light);
                     let points = on_light_rays(&setup, &map);
                     let squares = points.iter().zip(setup.query(&map, &points)).map(|(point, got)| {

@@ -106,7 +106,7 @@ const REFUSED: &[(&str, &str)] = &[
     (
         "dom:slicing=uniform",
         "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, from, march, step, map, \
-        fit, filter, near, average, lookup",
+        fit, filter, near, align, average, lookup",
     ),
     ("bom:layers=600", "bom:layers=600): expected 1..512"),
     ("bom:ratio=1.1", "expected 0..1"),
@@ -123,7 +123,7 @@ const REFUSED: &[(&str, &str)] = &[
     ("fourier:bits=8", "expected 16|32"),
     ("fourier:damping=gauss", "expected none|lanczos"),
     ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
-    ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, near, lookup"),
+    ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, near, align, lookup"),
     ("moments:moments=5", "expected 4|6|8"),
     ("moments:beta=2", "expected 0..1"),
     ("moments:bias=-1", "expected 0..10000"),

@@ -44,7 +44,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
     let mut specs: Vec<String> = alone.collect();
     if entry.keys.iter().any(|k| k.name == "near") {
-        specs.push(format!("{}:near=4,filter=nearest,bilinear", entry.name));
+        specs.push(format!("{}:near=0,4,filter=nearest,bilinear", entry.name));
     }
     // One value at a time, since a list has a largest length.
     match keys.pop() {

@@ -2,9 +2,17 @@
 // two nodes around a depth.
 #define_import_path umbravox::texel_curve
 
+#import umbravox::align::NO_DEPTH
 #import umbravox::light::light
 #import umbravox::vectors::VECTORS
 #import umbravox::vectors_read::vector_at
+
+// Returns the depth (mm) where the matter of a texel begins.
+fn first_depth(texel: vec2<u32>) -> f32 {
+    let pair = vector_at(texel, 0u);
+    let is_empty = pair.x == 0.0 && pair.y == 0.0;
+    return select(light.depth_start_mm + pair.x * light.depth_range_mm, NO_DEPTH, is_empty);
+}
 
 fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
     let share = (z - light.depth_start_mm) / light.depth_range_mm;

@@ -2,6 +2,7 @@
 // 2004).
 #define_import_path umbravox::texel_curve
 
+#import umbravox::align::NO_DEPTH
 #import umbravox::light::light
 #import umbravox::vectors::VECTORS
 #import umbravox::vectors_read::vector_at
@@ -12,8 +13,8 @@ const REACH: f32 = 1.73205080756888;
 // Half width of the thinnest cluster, as a fraction of the map's range of depths.
 const THINNEST: f32 = 1e-6;
 
-fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
-    let share = (z - light.depth_start_mm) / light.depth_range_mm;
+// Returns the numbers of a texel, three for each cluster.
+fn numbers_of(texel: vec2<u32>) -> array<f32, 4 * VECTORS> {
     var numbers: array<f32, 4 * VECTORS>;
     for (var v = 0u; v < VECTORS; v++) {
         let four = vector_at(texel, v);
@@ -22,6 +23,24 @@ fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
         numbers[4u * v + 2u] = four.z;
         numbers[4u * v + 3u] = four.w;
     }
+    return numbers;
+}
+
+// Returns the depth (mm) where the matter of a texel begins.
+fn first_depth(texel: vec2<u32>) -> f32 {
+    var numbers = numbers_of(texel);
+    var first = NO_DEPTH;
+    for (var c = 0u; c < CLUSTERS; c++) {
+        let start = numbers[3u * c] - max(REACH * numbers[3u * c + 1u], THINNEST);
+        let start_mm = light.depth_start_mm + start * light.depth_range_mm;
+        first = select(first, min(first, start_mm), numbers[3u * c + 2u] > 0.0);
+    }
+    return first;
+}
+
+fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
+    let share = (z - light.depth_start_mm) / light.depth_range_mm;
+    var numbers = numbers_of(texel);
     var depth = 0.0;
     for (var c = 0u; c < CLUSTERS; c++) {
         let half = max(REACH * numbers[3u * c + 1u], THINNEST);

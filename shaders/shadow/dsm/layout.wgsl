@@ -27,8 +27,8 @@ struct Params {
     // Offset added to the depth of a shadow query, mm; negative towards the light.
     depth_offset_mm: f32,
     depth_steps_per_mm: f32,
-    // Largest difference of first depths for which neighbouring texels show the same surface.
-    same_surface_steps: f32,
+    // Largest weight of neighbours that rounding may give on a light ray through a texel centre.
+    least_weight: f32,
     padding_a: f32,
     padding_b: f32,
     padding_c: f32,

@@ -4,6 +4,9 @@
 #import umbravox::light::{light, light_point}
 #import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::{record_of, records_around, wrapped_texel, NO_TILE}
+#ifdef ALIGN
+#import umbravox::align::alignment
+#endif
 #import umbravox::dsm_layout::{params, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MAX_ROWS}
 
 // Rows of curve nodes, two texels each: seven nodes and the link to the next row.
@@ -69,44 +72,114 @@ fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     return select(stored, 1.0, outside);
 }
 
-// Returns the transmittance from the light to a grid-space point.
-fn transmittance(g: vec3<f32>) -> f32 {
-    let p = light_point(g);
-    let step = clamp((p.z + params.depth_offset_mm - light.depth_start_mm) * params.depth_steps_per_mm, 0.0, LAST_STEP);
-    // Nothing with extinction lies outside the map.
-    let last = f32(light.map_size) - 0.5;
-    if !(all(p.texel >= vec2<f32>(-0.5)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
 #ifdef FILTER_BILINEAR
-    let base = vec2<i32>(floor(p.texel));
-    let w = p.texel - vec2<f32>(base);
+// The four texels around a point with their weights, and the depth of the point in steps.
+struct Corners {
+    a: Texel,
+    b: Texel,
+    c: Texel,
+    d: Texel,
+    weights: vec4<f32>,
+    step: f32,
+    // Shift that aligns the depth of the point in each texel, and its largest value for any weights.
+    shift: vec4<f32>,
+    most_shift: f32,
+}
+
+// Returns the texels around a position on the map and a depth in steps.
+fn corners_around(texel: vec2<f32>, step: f32) -> Corners {
+    let base = vec2<i32>(floor(texel));
+    let w = texel - vec2<f32>(base);
     let records = records_around(base);
     let a = texel_at(records.x);
     let b = texel_at(records.y);
     let c = texel_at(records.z);
     let d = texel_at(records.w);
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
-    // On a slanted surface the first depth differs between texels. The functions are aligned at their first depths
-    // before they are averaged, or the surface would shadow itself.
+#ifdef ALIGN
     let starts = vec4<u32>(a.head.x, b.head.x, c.head.x, d.head.x) >> vec4<u32>(16u);
-    let first = vec4<f32>(starts);
-    let filled = starts < vec4<u32>(FILLER);
-    let nearest = select(vec4<f32>(1e9), first, filled);
-    let farthest = select(vec4<f32>(-1e9), first, filled);
-    let spread = max(max(farthest.x, farthest.y), max(farthest.z, farthest.w))
-        - min(min(nearest.x, nearest.y), min(nearest.z, nearest.w));
-    let share = select(vec4<f32>(0.0), weights, filled);
-    let here = dot(share, first) / max(dot(share, vec4<f32>(1.0)), 1e-6);
-    // The alignment fades with depth, so slowly that depths keep their order.
-    let fade = clamp(1.0 - (step - here) / (4.0 * params.same_surface_steps), 0.0, 1.0);
-    let shift = select(vec4<f32>(0.0), (first - here) * fade, filled & vec4<bool>(spread < params.same_surface_steps));
-    let steps = clamp(step + shift, vec4<f32>(0.0), vec4<f32>(LAST_STEP));
-    return dot(weights, vec4<f32>(
-        texel_transmittance(a, steps.x),
-        texel_transmittance(b, steps.y),
-        texel_transmittance(c, steps.z),
-        texel_transmittance(d, steps.w),
-    ));
+    let mm_per_step = 1.0 / params.depth_steps_per_mm;
+    let aligned = alignment(vec4<f32>(starts) * mm_per_step, starts < vec4<u32>(FILLER), weights, step * mm_per_step);
+    let most_shift = aligned.most * params.depth_steps_per_mm;
+    return Corners(a, b, c, d, weights, step, aligned.shift * params.depth_steps_per_mm, most_shift);
 #else
-    return texel_transmittance(texel_at(record_of(wrapped_texel(vec2<i32>(round(p.texel))))), step);
+    return Corners(a, b, c, d, weights, step, vec4<f32>(0.0), 0.0);
 #endif
 }
+
+// Returns the transmittances of the texels around a point, with depths shifted by `shift` steps.
+fn corner_transmittances(around: Corners, shift: vec4<f32>) -> vec4<f32> {
+    let steps = clamp(around.step + shift, vec4<f32>(0.0), vec4<f32>(LAST_STEP));
+    return vec4<f32>(
+        texel_transmittance(around.a, steps.x),
+        texel_transmittance(around.b, steps.y),
+        texel_transmittance(around.c, steps.z),
+        texel_transmittance(around.d, steps.w),
+    );
+}
+#endif
+
+// Whether a position on the map lies outside of it, where nothing has extinction.
+fn is_outside(texel: vec2<f32>) -> bool {
+    let last = f32(light.map_size) - 0.5;
+    return !(all(texel >= vec2<f32>(-0.5)) && all(texel <= vec2<f32>(last)));
+}
+
+// Returns the depth of a query in steps of the map, which may lie outside of its range.
+fn depth_step(depth_mm: f32) -> f32 {
+    let from_start_mm = depth_mm + params.depth_offset_mm - light.depth_start_mm;
+    return from_start_mm * params.depth_steps_per_mm;
+}
+
+// Returns the transmittance from the light to a grid-space point.
+fn transmittance(g: vec3<f32>) -> f32 {
+    let p = light_point(g);
+    if is_outside(p.texel) { return 1.0; }
+    let step = depth_step(p.z);
+#ifdef FILTER_BILINEAR
+    let around = corners_around(p.texel, step);
+    return dot(around.weights, corner_transmittances(around, around.shift));
+#else
+    let texel = texel_at(record_of(wrapped_texel(vec2<i32>(round(p.texel)))));
+    return texel_transmittance(texel, clamp(step, 0.0, LAST_STEP));
+#endif
+}
+
+#ifdef KNOWN_RANGE
+// Transmittance of a map at a point, and the range in which the texels around it allow it.
+struct Ranged {
+    mean: f32,
+    least: f32,
+    most: f32,
+}
+
+// Returns the part of a texel's range that a weight of it, or of all other texels, opens. On the light ray through a
+// texel centre, rounding gives its neighbours no more than the least weight: they open nothing.
+fn opened(weight: vec4<f32>) -> vec4<f32> {
+    return clamp((weight - params.least_weight) / (7.0 * params.least_weight), vec4<f32>(0.0), vec4<f32>(1.0));
+}
+
+// Returns the transmittance at a grid-space point with its range: the values of the texels around the point, at depths
+// that differ by as much as their first depths do.
+fn ranged_transmittance(g: vec3<f32>) -> Ranged {
+    let p = light_point(g);
+    if is_outside(p.texel) { return Ranged(1.0, 1.0, 1.0); }
+    let around = corners_around(p.texel, depth_step(p.z));
+    let w = around.weights;
+    let shares = opened(w);
+    let others = 1.0 - max(max(w.x, w.y), max(w.z, w.w));
+    let widest = around.most_shift * opened(vec4<f32>(others)).x;
+    var found = Ranged(0.0, 1.0, 0.0);
+    // A loop, so that the code of the lookup stands in the program once.
+    for (var k = 0u; k < 3u; k++) {
+        let shift = select(vec4<f32>(select(-widest, widest, k == 1u)), around.shift, k == 0u);
+        let values = corner_transmittances(around, shift);
+        found.mean = select(found.mean, dot(w, values), k == 0u);
+        let reached = mix(vec4<f32>(found.mean), values, shares);
+        found.least = min(found.least, min(min(reached.x, reached.y), min(reached.z, reached.w)));
+        found.most = max(found.most, max(max(reached.x, reached.y), max(reached.z, reached.w)));
+        if widest == 0.0 { break; }
+    }
+    return found;
+}
+#endif

@@ -36,8 +36,7 @@ struct Params {
     // Largest optical depth of a piece at transmittance 1 whose chord stays within the tolerance; it limits pieces
     // that contain a plane.
     longest_depth: f32,
-    // Largest difference of start depths, mm, for which neighbouring texels show the same surface.
-    same_surface_mm: f32,
+    padding: f32,
     // Side of the averaged square of texels, and side of the square that a shadow query reads.
     kernel: u32,
     filter_side: u32,

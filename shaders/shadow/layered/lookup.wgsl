@@ -4,24 +4,15 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::tile_table::{record_of, records_around, wrapped_texel}
-#import umbravox::layers::params
+#ifdef ALIGN
+#import umbravox::align::alignment
+#endif
 #import umbravox::layers_read::{Extent, extent_of, layer_point, optical_depth_at}
 
-// Returns the optical depth of one texel at depth z; its layers lie between `start` and `end`.
-fn texel_depth(record: u32, extent: Extent, start: f32, end: f32, z: f32) -> f32 {
-    if !extent.filled || z <= start { return 0.0; }
-    return optical_depth_at(record, layer_point(extent.row, start, end, z));
-}
-
-// Averages start or end depths of neighbouring texels if they are close enough to be one surface; otherwise returns
-// them unchanged.
-fn filtered(depths: vec4<f32>, weights: vec4<f32>, filled: vec4<bool>) -> vec4<f32> {
-    let near = select(vec4<f32>(1e30), depths, filled);
-    let far = select(vec4<f32>(-1e30), depths, filled);
-    let spread = max(max(far.x, far.y), max(far.z, far.w)) - min(min(near.x, near.y), min(near.z, near.w));
-    let share = select(vec4<f32>(0.0), weights, filled);
-    let mean = dot(share, select(vec4<f32>(0.0), depths, filled)) / max(dot(share, vec4<f32>(1.0)), 1e-6);
-    return select(depths, vec4<f32>(mean), vec4<bool>(spread < params.same_surface_mm));
+// Returns the optical depth of one texel at depth z.
+fn texel_depth(record: u32, extent: Extent, z: f32) -> f32 {
+    if !extent.filled || z <= extent.start { return 0.0; }
+    return optical_depth_at(record, layer_point(extent.row, extent.start, extent.end, z));
 }
 
 // Returns the transmittance from the light to a grid-space point.
@@ -41,17 +32,15 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let at_d = extent_of(records.w);
     let filled = vec4<bool>(at_a.filled, at_b.filled, at_c.filled, at_d.filled) & (weights > vec4<f32>(0.0));
     if !any(filled) { return 1.0; }
-    let starts = filtered(vec4<f32>(at_a.start, at_b.start, at_c.start, at_d.start), weights, filled);
-#ifdef ENDS
-    let ends = filtered(vec4<f32>(at_a.end, at_b.end, at_c.end, at_d.end), weights, filled);
-#else
-    let ends = starts + params.reach_mm;
+    var z = vec4<f32>(p.z);
+#ifdef ALIGN
+    z += alignment(vec4<f32>(at_a.start, at_b.start, at_c.start, at_d.start), filled, weights, p.z).shift;
 #endif
     let depths = vec4<f32>(
-        texel_depth(records.x, at_a, starts.x, ends.x, p.z),
-        texel_depth(records.y, at_b, starts.y, ends.y, p.z),
-        texel_depth(records.z, at_c, starts.z, ends.z, p.z),
-        texel_depth(records.w, at_d, starts.w, ends.w, p.z),
+        texel_depth(records.x, at_a, z.x),
+        texel_depth(records.y, at_b, z.y),
+        texel_depth(records.z, at_c, z.z),
+        texel_depth(records.w, at_d, z.w),
     );
 #ifdef AVERAGE_TRANSMITTANCE
     return dot(weights, exp(-depths));
@@ -61,6 +50,6 @@ fn transmittance(g: vec3<f32>) -> f32 {
 #else
     let record = record_of(wrapped_texel(vec2<i32>(round(p.texel))));
     let extent = extent_of(record);
-    return exp(-texel_depth(record, extent, extent.start, extent.end, p.z));
+    return exp(-texel_depth(record, extent, p.z));
 #endif
 }

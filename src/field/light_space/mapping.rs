@@ -80,6 +80,8 @@ pub(in crate::field) struct LightUniform {
     pub depth_range_mm: f32,
     pub step_mm: f32,
     pub near_mm: f32,
+    pub texel_mm: f32,
+    pub padding: [f32; 3],
 }
 
 /// Projection of a shadow map: from world points to texel coordinates, and to depth along the light rays in mm.
@@ -156,6 +158,38 @@ impl LightSpace {
         self.mm_per_plane() * (1.0 / self.texel_scale).max_element()
     }
 
+    /// Returns a bound on the distance (mm) from a point of the volume to the light rays, at equal depth, through the
+    /// texel centres around it.
+    pub fn texel_reach_mm(&self) -> f64 {
+        // Length of the diagonal of a texel where texels are largest. A unit of coordinates in an octahedron's plane
+        // turns the direction by at most 3: sqrt(3) for the slope of its faces, sqrt(3) for the distance to them.
+        let mm_per_plane = match self.projection {
+            Projection::Orthographic => 1.0,
+            Projection::Perspective => self.z_range[1] + self.light_distance,
+            Projection::Octahedral => 3.0 * self.z_range[1],
+        };
+        mm_per_plane * (1.0 / self.texel_scale).length()
+    }
+
+    /// Returns the texel `[column, row]` and the texels at (1, 0), (0, 1) and (1, 1) from it: those that a query
+    /// between their centres reads. Beyond its edges a map repeats its last texels; an octahedral map continues at
+    /// the mirrored position of the same edge.
+    pub fn texels_around(&self, [column, row]: [u32; 2]) -> [[u32; 2]; 4] {
+        let last = i64::from(self.map_size) - 1;
+        [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
+            let (mut c, mut r) = (i64::from(column) + right, i64::from(row) + down);
+            if self.projection == Projection::Octahedral {
+                if c > last {
+                    (c, r) = (last, last - r);
+                }
+                if !(0..=last).contains(&r) {
+                    (c, r) = (last - c, r.clamp(0, last));
+                }
+            }
+            [c, r].map(|at| at.clamp(0, last) as u32)
+        })
+    }
+
     /// Returns the length in mm of one unit of coordinates in the projection plane, at the middle of the shadow map.
     pub(super) fn mm_per_plane(&self) -> f64 {
         match self.projection {
@@ -194,6 +228,8 @@ impl LightSpace {
             depth_range_mm: self.depth_range_mm() as f32,
             step_mm: self.step_mm as f32,
             near_mm: self.near_mm as f32,
+            texel_mm: self.texel_mm() as f32,
+            padding: [0.0; 3],
         }
     }
 
@@ -277,6 +313,7 @@ mod tests {
             ("depth_range_mm", offset_of!(LightUniform, depth_range_mm)),
             ("step_mm", offset_of!(LightUniform, step_mm)),
             ("near_mm", offset_of!(LightUniform, near_mm)),
+            ("texel_mm", offset_of!(LightUniform, texel_mm)),
         ];
         let expected = offsets.map(|(name, at)| (name.to_string(), at)).to_vec();
         assert_eq!((size, members), (size_of::<LightUniform>(), expected));

@@ -150,8 +150,16 @@ impl Findings {
 mod tests {
     use super::*;
 
-    const BOUND: Bound =
-        Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
+    const BOUND: Bound = Bound {
+        transmittance: 0.02,
+        depth_mm: 0.1,
+        lateral_mm: 0.0,
+        value: 0.0,
+        from_light_mm: 0.0,
+        texels_a_side: 2,
+        align_mm: 0.0,
+        reach_mm: 0.0,
+    };
 
     /// Returns test results for given transmittances of one light ray at depths 0, 1, 2, 3, whose exact transmittance
     /// is `exp(-z)`.

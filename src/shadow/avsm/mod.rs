@@ -12,11 +12,11 @@
 //!   segments in any order.
 //! * Segments are as short as those of `dsm`, since the curve is straight between nodes; the paper's segments are as
 //!   long as drawn.
-//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper; `dsm` also aligns their
-//!   surfaces. With `filter=nearest` both methods differ by the compression only.
+//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper. This method and `dsm`
+//!   therefore differ by the compression only.
 //! * A light ray ends at a transmittance of 2^-11, as in every shadow map here.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
@@ -34,6 +34,8 @@ settings! {
         /// Number of bits of each stored depth and transmittance in an adaptive volumetric shadow map: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "bits of a node's depth and transmittance (floats)").search_all(),
         ..MapSettings,
+        /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+        align: Align = ALIGN_KEY,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
@@ -47,7 +49,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(AdaptiveShadowMap::from_values(values)?)),
     compared: "avsm:nodes=8,16",
     curve: "avsm",
-    stability: "avsm:map=64",
+    stability: "avsm:map=64,near=0",
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
 };
 
@@ -75,6 +77,7 @@ impl VectorMap for AdaptiveShadowMap {
             vectors: self.nodes / 2,
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
+            align: self.align,
             linear: false,
             shape: self.shape(),
             constants: vec![Constant::unsigned("NODES", self.nodes)],

@@ -19,10 +19,9 @@
 //! * `split=texel` is the splitting texture of chapter 7, a ratio for every region of 4 x 4 texels. Its sum of
 //!   absolute differences telescopes on a single ray, whose opacity never falls. So the ratio is chosen whose largest
 //!   step between neighbouring planes is least, which bounds the error.
-//! * Depths are rounded away from the light. `filter=bilinear` works as in `dom`, and treats the ends of matter like
-//!   the starts.
+//! * Depths are rounded away from the light. `filter=bilinear` works as in `dom`.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
@@ -57,6 +56,8 @@ settings! {
         /// Number of bits of each optical depth stored in a bounding opacity map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
+        /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+        align: Align = ALIGN_KEY,
         /// Quantity that bilinear filtering of shadow map texels averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
@@ -72,7 +73,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(BoundingOpacityMap::from_values(values)?)),
     compared: "bom:layers=3,7,15",
     curve: "bom:layers=15",
-    stability: "bom:map=64",
+    stability: "bom:map=64,near=0",
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
 };
 
@@ -102,7 +103,7 @@ impl Method for BoundingOpacityMap {
     fn lookup(&self) -> Option<Lookup> {
         Some(
             self.layered_map(self.layering().any())
-                .lookup("shadow/layered/lookup.wgsl")
+                .lookup("shadow/layered/lookup.wgsl", self.align)
                 .with_lookup_mode(self.lookup),
         )
     }

@@ -17,7 +17,7 @@
 //! * A light ray ends at a transmittance of 2^-11, as in every shadow map here; the depth range is that of all
 //!   matter.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
@@ -36,6 +36,8 @@ settings! {
         /// 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "bits of a cluster's mean, spread and optical depth (floats)").search_all(),
         ..MapSettings,
+        /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+        align: Align = ALIGN_KEY,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
@@ -49,7 +51,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(DensityClusters::from_values(values)?)),
     compared: "clusters:clusters=4,8",
     curve: "clusters",
-    stability: "clusters:map=64",
+    stability: "clusters:map=64,near=0",
     style: Style { color: [153, 153, 51], marker: Marker::Pentagon },
 };
 
@@ -67,6 +69,7 @@ impl VectorMap for DensityClusters {
             vectors: (3 * self.clusters).div_ceil(4),
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
+            align: self.align,
             linear: false,
             shape: self.shape(),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],

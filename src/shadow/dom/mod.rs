@@ -14,10 +14,10 @@
 //!   that the last one ends behind the volume, whatever `spread`.
 //! * The start depth is stored with the layers, in `depth_bits` bits, and rounded away from the light, so that points
 //!   in front of matter are fully lit.
-//! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four
-//!   depths are close enough to be one surface; otherwise the layers of each texel start at its `z_0`.
+//! * `filter=bilinear` averages the optical depths of neighbouring texels, whose layers start at their own `z_0`; with
+//!   `align=on`, at the mean `z_0` if the four depths are close enough to be one surface.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
@@ -79,6 +79,8 @@ settings! {
         /// Number of bits of each optical depth stored in a deep opacity map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
+        /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+        align: Align = ALIGN_KEY,
         /// Quantity that bilinear filtering of shadow map texels averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
@@ -94,7 +96,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(DeepOpacityMap::from_values(values)?)),
     compared: "dom:layers=3,7,15",
     curve: "dom:layers=15",
-    stability: "dom:map=64",
+    stability: "dom:map=64,near=0",
     style: Style { color: [0, 158, 115], marker: Marker::Up },
 };
 
@@ -131,7 +133,7 @@ impl Method for DeepOpacityMap {
     fn lookup(&self) -> Option<Lookup> {
         Some(
             self.layered_map(self.layering().any())
-                .lookup("shadow/layered/lookup.wgsl")
+                .lookup("shadow/layered/lookup.wgsl", self.align)
                 .with_lookup_mode(self.lookup),
         )
     }

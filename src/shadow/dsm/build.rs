@@ -1,13 +1,13 @@
 //! Build of a deep shadow map: parameters and counters of its pass, and the pool of rows of curve nodes.
 
 use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES};
-use super::{Compress, DeepShadowMap};
+use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, NodePool, NodePools, TILE_TEXELS, TileMarch};
 use crate::gpu::{Read, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer};
 use crate::shadow::keys::MarchBy;
 use crate::shadow::method::{BuildReport, Method, ShadowMap};
-use crate::shadow::tolerances::{STEEPEST_SURFACE, longest_depth};
+use crate::shadow::tolerances::longest_depth;
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ struct DsmParams {
     taps: u32,
     depth_offset_mm: f32,
     depth_steps_per_mm: f32,
-    same_surface_steps: f32,
+    least_weight: f32,
     padding: [f32; 3],
 }
 
@@ -57,7 +57,8 @@ impl DeepShadowMap {
             taps: self.taps_a_texel(),
             depth_offset_mm: (self.offset * spacing) as f32,
             depth_steps_per_mm: steps_per_mm as f32,
-            same_surface_steps: (STEEPEST_SURFACE * tiles.light_space.texel_mm() * steps_per_mm) as f32,
+            least_weight: least_weight(&tiles.light_space.rounding(context.volume, context.transfer.clips))
+                as f32,
             padding: [0.0; 3],
         }
     }
@@ -72,7 +73,7 @@ impl DeepShadowMap {
         let known = context.node_pools.last_size(&settings);
         // The pool of the first build is often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
-        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near))?;
+        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;
         let mut params = self.params_on_device(context, &tiles);
         // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
         // quarter more rows than texels suffices for most scenes.
@@ -245,6 +246,6 @@ mod tests {
         assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut,
             texels_narrowed);
         assert_layout!(&build, "Params", DsmParams: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
-            depth_offset_mm, depth_steps_per_mm, same_surface_steps);
+            depth_offset_mm, depth_steps_per_mm, least_weight);
     }
 }

@@ -13,9 +13,9 @@
 //!   missed. `march=samples` takes the paper's regular steps, with the integrals of extinction between them.
 //! * The slope of a stored line segment is at most zero, so that stored transmittance never rises with depth. This
 //!   stays within the error bound.
-//! * `filter=bilinear` aligns the four transmittance curves at their first depths, if these are close enough to be
-//!   one surface, before it averages them: otherwise slanted lit surfaces shadow themselves. Rays through texel
-//!   centres, and so the error bound, do not depend on it.
+//! * `filter=bilinear` averages the transmittances of four texels, with `align=on` aligned at their first depths. With
+//!   `near`, the last voxels before a point are marched, and the result is clamped to the range of the four texels.
+//!   Neither changes rays through texel centres, and so neither changes the error bound.
 //! * A curve node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
 //! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a
 //!   piecewise linear function*; 1988, *Polygonal approximations of a curve*) among the curves that begin with
@@ -34,16 +34,16 @@ pub use count::{NodeMap, node_depths, node_map};
 use layout::{DEPTH_STEPS, NAME, UPRIGHT_STEPS, shader};
 
 use super::keys::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy,
-    NEAR_KEY, UNLESS_LINES, settings,
+    ALIGN_KEY, Align, DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY,
+    MARCH_KEY, MarchBy, NEAR_KEY, UNLESS_LINES, settings,
 };
-use super::lookup::Lookup;
-use super::method::{Bound, BuildReport, Entry, Method, ShadowMap, Taps};
+use super::lookup::{Lookup, steepest_mm};
+use super::method::{Bound, BuildReport, Curve, Entry, Method, ShadowMap, Taps};
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, march_bound};
 use crate::error::Result;
-use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools};
+use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools, Rounding};
 use crate::gpu::ShaderVariant;
 use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 
@@ -52,6 +52,18 @@ const RAY_END: f64 = 1.0 / 2048.0;
 /// Bound on the error from rounding the transmittances at both ends of a line segment of a deep shadow map to 16
 /// bits.
 const STORAGE: f64 = 1.0 / 65535.0;
+
+/// Smallest `least_weight` of a shadow map: bilinear weight of a texel from which on its transmittance counts for the
+/// range of a query with `near`.
+const SMALLEST_LEAST_WEIGHT: f64 = 1.0 / 512.0;
+/// Largest `least_weight` of a shadow map with an error bound.
+const MOST_LEAST_WEIGHT: f64 = 1.0 / 32.0;
+
+/// Returns the largest weight of neighbouring texels that a query with `near` takes for rounding, on a light ray
+/// through a texel centre.
+fn least_weight(rounding: &Rounding) -> f64 {
+    (2.0 * rounding.texels).max(SMALLEST_LEAST_WEIGHT)
+}
 
 choices! {
     /// Algorithm that compresses the transmittance curve of a light ray to a piecewise linear curve of few nodes.
@@ -117,9 +129,11 @@ settings! {
         fit: Fit = FIT_KEY,
         /// Interpolation between the shadow map texels around a point: nearest or bilinear.
         filter: Filter = FILTER_KEY,
+        /// Whether the four texels around a point are aligned at their first depths.
+        align: Align = ALIGN_KEY,
         /// Length of the march from a point towards the light before a query of the shadow map, in smallest voxel
         /// spacings; 0 for none.
-        near: f64 = NEAR_KEY,
+        near: f64 = NEAR_KEY.when(When::UnlessEither([("from", "lines"), ("filter", "nearest")])),
         /// Distance between regular samples along a light ray, in units of the smallest voxel spacing. It applies to
         /// `march=samples` and `precompress=off`; pre-filtered maps with the pre-compressed table take half of it.
         step: f64 = Key::number(
@@ -152,9 +166,29 @@ impl DeepShadowMap {
         self.from.march(self.march, self.step)
     }
 
+    /// Returns the length of the march before a query of the shadow map, in smallest voxel spacings. Its result is
+    /// clamped to the range of the texels that the query reads, so a single texel leaves nothing to march for.
+    fn near(&self) -> f64 {
+        if self.filter == Filter::Nearest { 0.0 } else { self.from.near(self.near) }
+    }
+
+    /// Whether a query aligns the texels around a point at their first depths.
+    fn is_aligned(&self) -> bool {
+        self.align == Align::On && self.filter == Filter::Bilinear
+    }
+
     /// Returns the number of sub-texel light rays for each shadow map texel; maps drawn from strands use one.
     fn taps_a_texel(&self) -> u32 {
         if self.from == DrawnFrom::Lines { 1 } else { self.prefilter }
+    }
+
+    /// Returns the largest distance of a sub-texel light ray from the texel's centre on either axis, in texels.
+    fn farthest_tap(&self) -> f64 {
+        match self.taps_a_texel() {
+            5 => 0.25,
+            9 => 1.0 / 3.0,
+            _ => 0.0,
+        }
     }
 
     /// Whether the compression receives the whole transmittance curve of a single light ray, instead of samples at
@@ -179,7 +213,7 @@ impl DeepShadowMap {
     /// Returns the error bound of a deep shadow map, or `None` unless its light rays are marched cell by cell with
     /// the pre-compressed table, from the point of a query on. `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
-        if self.precompress == Precompress::Off || self.march() != March::Cells || self.near > 0.0 {
+        if self.precompress == Precompress::Off || self.march() != March::Cells {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
@@ -191,10 +225,15 @@ impl DeepShadowMap {
         let march = march_bound(context, light_space);
         // Rounded texel coordinates of a point on a texel's ray give its neighbours a weight.
         let rounding = light_space.rounding(context.volume, context.transfer.clips);
-        let neighbours = match self.filter {
-            Filter::Bilinear => rounding.texels,
-            Filter::Nearest => 0.0,
+        let (texels_a_side, neighbours) = match self.filter {
+            Filter::Bilinear => (2, rounding.texels),
+            Filter::Nearest => (1, 0.0),
         };
+        // Rounding would take most of the range between texels for the light ray of one of them.
+        if self.near() > 0.0 && least_weight(&rounding) > MOST_LEAST_WEIGHT {
+            return None;
+        }
+        let align_mm = if self.is_aligned() { steepest_mm(light_space) } else { 0.0 };
         let steps = match self.compress {
             Compress::Greedy => 0.5,
             Compress::Optimal => 0.5 + 2.0 * UPRIGHT_STEPS,
@@ -202,8 +241,15 @@ impl DeepShadowMap {
         let steps_mm = steps * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
             transmittance: march.transmittance + self.epsilon + chord + RAY_END + STORAGE + 2.0 * neighbours,
-            depth_mm: march.depth_mm + steps_mm + lattice_mm + self.offset.abs() * spacing,
+            depth_mm: march.depth_mm
+                + steps_mm
+                + lattice_mm
+                + self.offset.abs() * spacing
+                + 2.0 * neighbours * align_mm,
             from_light_mm: rounding.from_light_mm,
+            texels_a_side,
+            align_mm,
+            reach_mm: (1.0 + self.farthest_tap()) * light_space.texel_reach_mm() + march.reach_mm,
             ..march
         })
     }
@@ -240,9 +286,16 @@ impl Method for DeepShadowMap {
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        let lookup = Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear));
-        Some(lookup.with_near(self.near).with_lookup_mode(self.lookup))
+        let bilinear = self.filter == Filter::Bilinear;
+        let shader = shader("").with_alignment(self.align, self.filter).modules(&["shadow/dsm/lookup.wgsl"]);
+        let shader = shader.defs(bilinear.then_some("FILTER_BILINEAR"));
+        let shader = shader.defs((self.near() > 0.0).then_some("KNOWN_RANGE"));
+        Some(Lookup::new(shader).with_near(self.near()).with_lookup_mode(self.lookup))
+    }
+
+    fn curve(&self) -> Curve {
+        // On the light rays of texels, `near` changes nothing.
+        Curve::Falls
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

@@ -19,7 +19,7 @@
 //! * A light ray ends at a transmittance of 2^-11, as in every shadow map here: matter behind does not ring.
 //! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
@@ -75,7 +75,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(FourierOpacityMap::from_values(values)?)),
     compared: "fourier:terms=7,15",
     curve: "fourier:terms=7",
-    stability: "fourier:map=64,range=map,texel",
+    stability: "fourier:map=64,range=map,texel,near=0",
     style: Style { color: [136, 34, 85], marker: Marker::Left },
 };
 
@@ -97,6 +97,7 @@ impl VectorMap for FourierOpacityMap {
             vectors: (self.terms + u32::from(texel_range)) / 2 + 1,
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
+            align: Align::Off,
             linear: !texel_range,
             shape: self.shape(),
             constants: vec![Constant::unsigned("TERMS", self.terms)],

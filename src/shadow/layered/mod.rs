@@ -27,11 +27,11 @@ pub use ratio::Measure;
 pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
-use super::keys::Filter;
+use super::keys::{Align, Filter};
 use super::lookup::Lookup;
 use super::method::{BuildReport, Method, PassLeftOut, ShadowMap};
 use super::settings::{Key, choices};
-use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
+use super::tolerances::{OPAQUE_DEPTH, longest_depth};
 use crate::error::Result;
 use crate::field::{
     BuildContext, LightSpace, MapShape, March, Optimization, TILE_TEXELS, TileMarch, field_shader,
@@ -124,7 +124,7 @@ pub(super) struct LayeredParams {
     depth_steps_per_mm: f32,
     kappa: f32,
     longest_depth: f32,
-    same_surface_mm: f32,
+    padding: f32,
     kernel: u32,
     filter_side: u32,
     max_depth: f32,
@@ -160,10 +160,15 @@ impl LayeredMap {
 
     /// Returns the shader code of a layered shadow map's transmittance query, which the given shader module
     /// implements.
-    pub fn lookup(&self, module: &'static str) -> Lookup {
+    pub fn lookup(&self, module: &'static str, align: Align) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
-        let shader = self.read_shader("").modules(&[module]).defs(bilinear).defs(average);
+        let shader = self
+            .read_shader("")
+            .with_alignment(align, self.filter)
+            .modules(&[module])
+            .defs(bilinear)
+            .defs(average);
         Lookup::new(shader).with_near(self.shape.near)
     }
 
@@ -193,7 +198,7 @@ impl LayeredMap {
             depth_steps_per_mm: (record.depth_steps() / f64::from(range_mm as f32)) as f32,
             kappa,
             longest_depth: longest_depth(),
-            same_surface_mm: (STEEPEST_SURFACE * light_space.texel_mm()) as f32,
+            padding: 0.0,
             kernel: self.kernel,
             filter_side: self.kernel + u32::from(self.filter == Filter::Bilinear),
             max_depth: if record.bits == 8 { kappa } else { OPAQUE_DEPTH },
@@ -331,6 +336,6 @@ mod tests {
         };
         assert_layout!(&layered_map.build_shader(), "Params", LayeredParams: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
-            longest_depth, same_surface_mm, kernel, filter_side, max_depth);
+            longest_depth, kernel, filter_side, max_depth);
     }
 }

@@ -36,7 +36,7 @@
 //!   Chebyshev means are finer.
 //! * A light ray ends at a transmittance of 2^-11, as in every shadow map here.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
@@ -96,7 +96,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(MomentMap::from_values(values)?)),
     compared: "moments:moments=6,8",
     curve: "moments",
-    stability: "moments:moments=4,8,map=64;moments:basis=trigonometric,map=64",
+    stability: "moments:moments=4,8,map=64,near=0;moments:basis=trigonometric,map=64,near=0",
     style: Style { color: [51, 34, 136], marker: Marker::Right },
 };
 
@@ -161,6 +161,7 @@ impl VectorMap for MomentMap {
             vectors: if self.in_words() { self.moments / 2 + 1 } else { self.moments + 1 }.div_ceil(4),
             storage: if self.in_words() { VectorStorage::Words } else { VectorStorage::Single },
             filter: self.filter,
+            align: Align::Off,
             linear: true,
             shape: self.shape(),
             constants: vec![

@@ -15,7 +15,7 @@
 //! * All maps are stored, since a ray caster queries depths in any order; the paper stores two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
-use super::keys::{LOOKUP_KEY, Lookups, settings};
+use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
@@ -80,7 +80,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(OpacityShadowMap::from_values(values)?)),
     compared: "osm:layers=8,32,128",
     curve: "osm:layers=16",
-    stability: "osm:layers=32,map=64",
+    stability: "osm:layers=32,map=64,near=0",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
 };
 
@@ -146,7 +146,11 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(self.layered_map(split).lookup("shadow/osm/lookup.wgsl").with_lookup_mode(self.lookup))
+        Some(
+            self.layered_map(split)
+                .lookup("shadow/osm/lookup.wgsl", Align::Off)
+                .with_lookup_mode(self.lookup),
+        )
     }
 
     fn taps(&self) -> Taps {

@@ -11,7 +11,7 @@
 //! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
 //! within one cell, whose matter is assumed to be uniform; `avsm` takes shorter segments.
 
-use super::keys::{Filter, Lookups};
+use super::keys::{Align, Filter, Lookups};
 use super::lookup::Lookup;
 use super::method::{BuildReport, Curve, Entry, Method, MethodSpec, ShadowMap};
 use super::settings::Value;
@@ -77,6 +77,8 @@ pub struct VectorMapDescriptor {
     pub storage: VectorStorage,
     /// Interpolation between the shadow map texels around a point: nearest or bilinear.
     pub filter: Filter,
+    /// Whether the four texels around a point are aligned at their first depths before they are averaged.
+    pub align: Align,
     /// Whether a query may average the four-vectors of neighbouring shadow map texels, as hardware texture filtering
     /// does.
     pub linear: bool,
@@ -179,7 +181,8 @@ impl VectorMapDescriptor {
     }
 
     fn lookup(&self) -> Lookup {
-        let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
+        let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]);
+        let shader = shader.with_alignment(self.align, self.filter).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
         Lookup::new(shader).with_near(self.shape.near).with_lookup_mode(self.lookup_mode)
@@ -279,6 +282,7 @@ mod tests {
             vectors: 2,
             storage: VectorStorage::Half,
             filter: Filter::Bilinear,
+            align: Align::Off,
             linear: true,
             shape: Fit::Volume.shape(Some(64), March::Cells, 0.0),
             constants: vec![Constant::unsigned("TERMS", 3)],
