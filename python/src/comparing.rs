@@ -14,7 +14,7 @@ use umbravox::error::Result;
 use umbravox::files::output::{check_output_dir, prepare_output_dir};
 use umbravox::measure::budget::Budget;
 use umbravox::measure::facts::Facts;
-use umbravox::measure::job::Effort;
+use umbravox::measure::job::{Checked, Effort};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::{Progress, Status, Watch};
 use umbravox::measure::table::{COLUMNS, Cell, Row};
@@ -100,15 +100,12 @@ pub struct Rows {
 /// Creates the measurement settings of a comparison table from the numbers of repeats, sample points, light rays and
 /// depths.
 pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
-    let check_all = match check {
-        "sample" => false,
-        "all" => true,
-        other => {
-            let why = format!("`{other}` is neither sample nor all");
-            return Err(Fault::input("bad argument", "check", why));
-        }
+    let all = [Checked::Sample, Checked::All, Checked::Points];
+    let Some(check) = all.into_iter().find(|extent| extent.name() == check) else {
+        let why = format!("`{check}` is not sample, all or points");
+        return Err(Fault::input("bad argument", "check", why));
     };
-    let mut effort = Effort { check_all, ..Effort::default() };
+    let mut effort = Effort { check, ..Effort::default() };
     let fields = [
         ("repeats", Effort::REPEATS, &mut effort.repeats),
         ("points", Effort::POINTS, &mut effort.points),

@@ -5,7 +5,7 @@ use super::table_flags::TableFlags;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::measure::facts::Facts;
-use crate::measure::job::Effort;
+use crate::measure::job::{Checked, Effort};
 use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// Numbers of repeats, points, light rays and depths for testing claims of papers. They suffice for a verdict, yet
 /// all claims take only minutes on two cores.
-const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check_all: false };
+const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check: Checked::Sample };
 
 /// Test claims of the shadow methods' papers by measurement: states each claim, the measured value, and whether the
 /// claim holds

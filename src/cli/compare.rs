@@ -8,7 +8,7 @@ use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
-use crate::measure::job::{Effort, file_name_part};
+use crate::measure::job::{Checked, Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, Status, Watch};
 use crate::measure::table::Row;
@@ -75,19 +75,9 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
-    /// Light rays to test: sample (as many as --rays), or all (the ray of every shadow map texel, also at the depths
-    /// of all curve nodes)
+    /// Light rays and points at which error bounds are tested
     #[arg(long, value_enum, default_value_t = Checked::Sample)]
     pub check: Checked,
-}
-
-/// Light rays along which a shadow method's transmittance is compared with the exact transmittance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Checked {
-    /// Sample of light rays, spread over the lit surface.
-    Sample,
-    /// Light ray of every shadow map texel.
-    All,
 }
 
 /// Flags for the layout of comparison tables: columns and width.
@@ -138,7 +128,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         points: args.points as usize,
         rays: args.rays as usize,
         depths: args.depths as usize,
-        check_all: args.check == Checked::All,
+        check: args.check,
     };
     let paths = args.scene.scene.clone();
     let requests = args.scene.into_requests()?;

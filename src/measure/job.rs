@@ -30,9 +30,32 @@ pub struct Effort {
     pub rays: usize,
     /// Number of depths on each light ray at which a shadow method's transmittance is tested.
     pub depths: usize,
-    /// Whether transmittance is tested on the light rays of all shadow map texels, and at the depths of all their
-    /// curve nodes, instead of on `rays` rays.
-    pub check_all: bool,
+    /// Extent of the test of error bounds.
+    pub check: Checked,
+}
+
+/// Extent of the test of error bounds: light rays of texels, and points between them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Checked {
+    /// Tests as many light rays as `--rays`, and points in a twentieth as many cells between texels
+    #[default]
+    Sample,
+    /// Tests the light ray of every shadow map texel, also at the depths of all curve nodes, and points as `sample`
+    All,
+    /// Tests a million points between the light rays of texels, and light rays as `sample`
+    Points,
+}
+
+impl Checked {
+    /// Returns the extent as `--check` takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sample => "sample",
+            Self::All => "all",
+            Self::Points => "points",
+        }
+    }
 }
 
 impl Effort {
@@ -48,7 +71,7 @@ impl Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200, check_all: false }
+        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200, check: Checked::Sample }
     }
 }
 

@@ -6,8 +6,9 @@ use super::budget::Budget;
 use super::check::{Check, check};
 use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
-use super::job::{Job, SLOW_FRAME_MS, name_of};
+use super::job::{Checked, Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
+use super::point_bound::{PointReport, PointTest};
 use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
@@ -30,6 +31,11 @@ const EXACT_PIXELS_CHECKED: usize = 64;
 /// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
 /// units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
+/// Number of tested light rays for each cell between texel centres in which points are tested.
+const RAYS_PER_CELL: usize = 20;
+/// Number of cells and of points in them that are tested if points are to be checked thoroughly.
+const CHECKED_CELLS: usize = 4096;
+const CHECKED_POINTS: usize = 1 << 20;
 /// Number of timed runs in a trial of method settings. The slower run counts, to keep chosen settings within the time
 /// budget when they are timed again.
 const TRIAL_RUNS: usize = 2;
@@ -299,15 +305,28 @@ impl<'a> Reference<'a> {
         shadows: &[ShadowMap],
         row: &mut Row,
     ) -> Result<Vec<String>> {
-        let (mut all, mut notes) = (BoundReport::default(), Vec::new());
+        let (mut all, mut points, mut notes) = (BoundReport::default(), PointReport::default(), Vec::new());
         for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
             // All lights together get as many rays as a single light would.
             let count = self.job.effort.rays.div_ceil(shadows.len());
             let (report, note) = self.measure_rays_of(method, (source.light, shadow), count)?;
             all = all.merge(report);
             notes.extend(note);
+            points = points.merge(self.measure_points_of(method, (source.light, shadow), shadows.len())?);
         }
         row.set_ray_errors(&all, Bound::of_all(shadows));
+        row.set_point_bound(&points, Bound::of_all(shadows));
+        notes.extend(points.worst.map(|worst| {
+            let [x, y, z] = worst.position_mm.to_array();
+            format!(
+                "{}: the bound does not hold at {} of {} points; worst by {:.6} at ({x:.4}, {y:.4}, {z:.4}) mm: {:.6}",
+                name_of(method),
+                points.violations,
+                points.points,
+                worst.amount,
+                worst.t_method,
+            )
+        }));
         Ok(notes)
     }
 
@@ -326,7 +345,7 @@ impl<'a> Reference<'a> {
             let side = space.map_size;
             let all = (0..side).flat_map(|r| (0..side).map(move |c| [c, r]));
             let covered = |t: &[u32; 2]| space.covers(DVec2::new(f64::from(t[0]), f64::from(t[1])));
-            let texels = match job.effort.check_all {
+            let texels = match job.effort.check == Checked::All {
                 true => all.filter(covered).collect(),
                 false => texels_to_test(field, light, space, count),
             };
@@ -334,7 +353,7 @@ impl<'a> Reference<'a> {
             self.texels.len() - 1
         });
         let texels = &self.texels[known].1;
-        let nodes = match job.effort.check_all {
+        let nodes = match job.effort.check == Checked::All {
             true => job.session.node_depths(shadow, texels)?.unwrap_or_default(),
             false => Vec::new(),
         };
@@ -361,6 +380,32 @@ impl<'a> Reference<'a> {
             )
         });
         Ok((report, note))
+    }
+}
+
+impl Reference<'_> {
+    /// Tests the error bound of the shadow map of one of `lights` lights at points between its light rays.
+    fn measure_points_of(
+        &self,
+        method: &dyn Method,
+        (light, shadow): (Light, &ShadowMap),
+        lights: usize,
+    ) -> Result<PointReport> {
+        if shadow.bound.is_none() {
+            return Ok(PointReport::default());
+        }
+        let (job, effort) = (self.job, self.job.effort);
+        let count = match effort.check {
+            Checked::Points => CHECKED_CELLS,
+            _ => effort.rays.div_ceil(RAYS_PER_CELL),
+        };
+        let cells = texels_to_test(self.field, light, &shadow.light_space, count.div_ceil(lights));
+        let points_a_cell = match effort.check {
+            Checked::Points => CHECKED_POINTS.div_ceil(cells.len().max(1) * lights),
+            _ => 4 * effort.depths,
+        };
+        let test = PointTest { cells: &cells, points_a_cell, taps: method.taps() };
+        test.run(self.field, light, job.session, shadow)
     }
 }
 

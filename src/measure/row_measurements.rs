@@ -2,6 +2,7 @@
 
 use super::bound_check::BoundReport;
 use super::check::Check;
+use super::point_bound::PointReport;
 use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
 use super::timing::Timing;
@@ -59,6 +60,15 @@ impl Row {
         self.bound_held = report.satisfied();
         self.rays_tested = Some(report.rays as u64);
         self.depths_tested = Some(report.depths as u64);
+    }
+
+    /// Sets the comparison table columns `point_bound_*`: the error bound at points between the light rays of texels.
+    pub fn set_point_bound(&mut self, report: &PointReport, bound: Option<Bound>) {
+        self.point_bound_lateral_mm = bound.map(|p| p.reach_mm);
+        self.point_bound_depth_mm = bound.map(|p| p.depth_mm + p.align_mm);
+        self.point_bound_held = bound.and_then(|_| report.satisfied());
+        self.point_bound_n = bound.map(|_| report.points as u64);
+        self.point_bound_limited = bound.map(|_| report.limited as u64);
     }
 
     /// Sets the comparison table columns `work_*`, the counts of GPU operations: per texel for building a shadow map,

@@ -134,6 +134,19 @@ columns! {
     /// Whether the shadow method's error bound is satisfied at every tested depth on the light rays. Empty for
     /// methods without a bound.
     bound_held [""]: Option<bool>,
+    /// Error bound of the shadow method at points between the light rays of texels: distance from a point to the light
+    /// rays whose exact transmittances, widened by `bound` and `point_bound_depth_mm`, enclose the method's result.
+    point_bound_lateral_mm ["mm"]: Option<f64>,
+    /// Error bound of the shadow method at points between the light rays of texels: tolerance in depth.
+    point_bound_depth_mm ["mm"]: Option<f64>,
+    /// Whether the method's transmittance lies within the error bound of the texels around the point, at every tested
+    /// point. Empty for methods without a bound.
+    point_bound_held [""]: Option<bool>,
+    /// Number of points between the light rays of texels at which the error bound was tested.
+    point_bound_n [""]: Option<u64>,
+    /// Number of points at which the error bound is satisfied only by its tolerances in lateral position and scalar
+    /// value.
+    point_bound_limited [""]: Option<u64>,
     /// Number of shadow map texels at which marching light rays by regular samples was compared with marching cell by
     /// cell. Empty for methods that march by cells.
     check_n [""]: Option<u64>,

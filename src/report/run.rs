@@ -7,7 +7,7 @@
 use super::names::{self, RUN};
 use crate::measure::compare::slugs;
 use crate::measure::facts::Facts;
-use crate::measure::job::Effort;
+use crate::measure::job::{Checked, Effort};
 use crate::measure::journal::JOURNAL;
 use crate::measure::table::Row;
 use crate::shadow::{Method, MethodSpec};
@@ -314,13 +314,15 @@ impl Run {
             words.extend(["--scene".into(), folder.join(&scene.file).to_string_lossy().into_owned()]);
         }
         words.extend(["--methods".into(), self.methods.clone()]);
-        let Effort { repeats, points, rays, depths, check_all } = self.effort;
+        let Effort { repeats, points, rays, depths, check } = self.effort;
         for (flag, n) in
             [("--repeats", repeats), ("--points", points), ("--rays", rays), ("--depths", depths)]
         {
             words.extend([flag.into(), n.to_string()]);
         }
-        words.extend(check_all.then(|| ["--check".into(), "all".into()]).into_iter().flatten());
+        if check != Checked::default() {
+            words.extend(["--check".into(), check.name().into()]);
+        }
         words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));
         words.extend(each_light.then(|| "--each-light".into()));

@@ -30,6 +30,7 @@ mod mesh;
 mod near;
 mod nodes;
 mod parts;
+mod points;
 mod pool;
 #[path = "../common/program.rs"]
 mod program;

@@ -88,6 +88,8 @@ pub const SHOWN: &[TableColumn] = &[
     number("bound", "bound", ""),
     wide("bound_depth_mm", "bound depth", "mm"),
     text("bound_held", "bound held", true),
+    wide("point_bound_lateral_mm", "point bound lateral", "mm"),
+    text("point_bound_held", "point bound held", true),
     text("pareto", "Pareto", false),
     text("tuned", "tuned", true),
     text("status", "status", true),

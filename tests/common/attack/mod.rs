@@ -17,6 +17,7 @@ use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::measure::bound_check::BoundReport;
 use umbravox::measure::errors::RayTest;
+use umbravox::measure::point_bound::{PointReport, PointTest};
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
 use umbravox::shadow::{self, Bound};
@@ -25,6 +26,8 @@ use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
 /// Number of queried depths on each light ray.
 const DEPTHS: usize = 64;
+/// Largest number of cells between texel centres in which points are queried.
+const CELLS: usize = 12;
 
 /// Scene that may violate an error bound.
 #[derive(Debug, Clone)]
@@ -43,7 +46,8 @@ pub struct Attack {
     pub light: Light,
     pub epsilon: f64,
     pub map: u32,
-    pub nearest: bool,
+    /// Filter of the map, with settings of the query.
+    pub filter: &'static str,
     /// Number of rays whose mean a texel stores; `None` for shadow rays instead of a map.
     pub prefilter: Option<u32>,
     /// Compression of the map's curves to nodes.
@@ -54,6 +58,8 @@ pub struct Attack {
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     pub report: BoundReport,
+    /// Test of the bound at points between the rays of texels.
+    pub points: PointReport,
     pub bound: Bound,
     pub min_spacing_mm: f64,
 }
@@ -61,11 +67,11 @@ pub struct Outcome {
 impl Outcome {
     /// Largest excess over the error band of all depths, in transmittance; negative inside the band.
     pub fn margin(&self) -> f64 {
-        self.report.margin.unwrap_or(-1.0)
+        self.report.margin.into_iter().chain(self.points.margin).fold(-1.0, f64::max)
     }
 
     pub fn held(&self) -> bool {
-        self.report.violations == 0
+        self.report.violations == 0 && self.points.violations == 0
     }
 }
 
@@ -205,7 +211,18 @@ impl Attack {
             light: Light::Directional { toward: DVec3::Z },
             epsilon: log_uniform(rng, 0.001, 0.1),
             map: rng.u32(3..20),
-            nearest: rng.f64() < 0.3,
+            filter: one_of(
+                rng,
+                &[
+                    "nearest",
+                    "nearest",
+                    "bilinear",
+                    "bilinear,align=on",
+                    "bilinear,near=0",
+                    "bilinear,near=0,align=on",
+                    "bilinear,near=1.5",
+                ],
+            ),
             prefilter: match rng.u32(..20) {
                 0..=4 => None,
                 5 => Some(one_of(rng, &[5, 9])),
@@ -311,7 +328,7 @@ impl Attack {
     }
 
     pub fn method(&self) -> String {
-        let filter = if self.nearest { "nearest" } else { "bilinear" };
+        let filter = self.filter;
         match self.prefilter {
             None => "rays".into(),
             Some(n) => format!(
@@ -346,7 +363,11 @@ impl Attack {
             nodes_mm: &[],
         };
         let report = test.run(&field, self.light, &session, &map)?;
-        Ok(Outcome { report, bound: map.bound.unwrap_or_default(), min_spacing_mm })
+        let step = texels.len().div_ceil(CELLS);
+        let cells: Vec<[u32; 2]> = texels.iter().copied().step_by(step).collect();
+        let between = PointTest { cells: &cells, points_a_cell: 8 * DEPTHS, taps: test.taps };
+        let points = between.run(&field, self.light, &session, &map)?;
+        Ok(Outcome { report, points, bound: map.bound.expect("a bound"), min_spacing_mm })
     }
 }
 

@@ -17,6 +17,8 @@ pub fn setting(name: &str, usual: usize) -> usize {
 pub struct Found {
     pub tries: usize,
     pub depths: usize,
+    /// Number of points between the rays of texels.
+    pub points: usize,
     /// Number of depths whose error only neighbouring curves explain.
     pub limited: usize,
     /// Distance of the worst depth to the edge of its error band, relative to the bound; above 0 is outside.
@@ -31,10 +33,10 @@ pub struct Found {
 
 impl Found {
     pub fn summary(&self) -> String {
-        let Self { tries, depths, limited, nearest, refused, adapter, seconds, .. } = self;
+        let Self { tries, depths, points, limited, nearest, refused, adapter, seconds, .. } = self;
         format!(
-            "{tries} scenes on {adapter}, {depths} depths, {limited} of them limited by float32, the nearest to its \
-            edge {nearest:.4} of the bound, {refused} refused by the adapter, {} broken, {seconds:.0} s\n{}",
+            "{tries} scenes on {adapter}, {depths} depths, {limited} of them limited by float32, {points} points, the \
+            nearest depth to its edge {nearest:.4} of the bound, {refused} refused by the adapter, {} broken, {seconds:.0} s\n{}",
             self.broken.len(),
             self.broken[..self.broken.len().min(12)].join("\n")
         )
@@ -97,6 +99,7 @@ impl Found {
         let nearness = outcome.margin() / transmittance;
         self.tries += 1;
         self.depths += outcome.report.depths;
+        self.points += outcome.points.points;
         self.limited += outcome.report.limited;
         self.nearest = self.nearest.max(nearness);
         // Pre-filtered curves have a larger depth tolerance, by the step of their lattice.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use umbravox::error::Result;
 use umbravox::gpu::Gpu;
 use umbravox::measure::facts::Facts;
-use umbravox::measure::job::{Effort, name_of};
+use umbravox::measure::job::{Checked, Effort, name_of};
 use umbravox::measure::journal::{JOURNAL, Journal};
 use umbravox::measure::progress::{Progress, Status, StepKind, Watch};
 use umbravox::measure::table::Row;
@@ -68,7 +68,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let tf = presets::resolve("uniform", &volume).unwrap().tf;
     let scene = Scene { width: 32, height: 32, ..Scene::framing(&volume) };
     let methods = parse_list(METHODS).unwrap();
-    let effort = Effort { repeats, points: 500, rays: 50, depths: 40, check_all: false };
+    let effort = Effort { repeats, points: 500, rays: 50, depths: 40, check: Checked::Sample };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
         Ok(Subject { volume, tf, strands: None, scene, forced: DisabledOptimizations::NONE })

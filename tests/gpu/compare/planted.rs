@@ -10,7 +10,7 @@ use umbravox::exact::ExactField;
 use umbravox::measure::budget::Budget;
 use umbravox::measure::compare::compare_within;
 use umbravox::measure::comparison::Comparison;
-use umbravox::measure::job::{Effort, Job};
+use umbravox::measure::job::{Checked, Effort, Job};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::Progress;
 use umbravox::open::{VolumeSpec, load};
@@ -116,7 +116,7 @@ pub fn compared_within(
         scene_name: "haze".into(),
         file_prefix: String::new(),
         remark: String::new(),
-        effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200, check_all: false },
+        effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200, check: Checked::Sample },
     };
     let mut journal = Journal::nowhere();
     Some(compare_within(&job, methods, budgets, &mut journal, &mut Progress::unseen()).unwrap())

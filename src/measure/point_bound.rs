@@ -1,0 +1,260 @@
+//! Test of a shadow method's error bound at points anywhere in the shadow map, not only on the light rays through
+//! texel centres.
+//!
+//! A query combines the transmittance curves of the texels around a point with weights that are not negative and add
+//! up to 1. Its result therefore lies between the extremes of these curves, each within the error bound `b` and the
+//! tolerance in depth `d` (plus the shift of `align=on`) of its exact curve `T_i`:
+//! `min T_i(z + d) - b <= T_method <= max T_i(z - d) + b`. All texels lie within [`Bound::reach_mm`] of the point.
+//! `docs/bound.md` has the derivation.
+
+use super::bound_check::EXACT_ROUNDING;
+use super::exact_rays::{ExactRay, LightRay, tap_offsets, tested_range};
+use super::rays::mix;
+use super::rounding_envelope::{NearbyRays, RoundingEnvelope};
+use super::test_depths::{sort_distinct, test_depths};
+use crate::error::Result;
+use crate::exact::ExactField;
+use crate::render::Session;
+use crate::scene::Light;
+use crate::shadow::{Bound, LightSpace, ShadowMap, Taps};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Number of cells between texel centres whose exact transmittance curves are in memory at the same time.
+const CELLS_AT_ONCE: usize = 64;
+/// Number of light rays between the texel centres of a cell on which points are tested.
+const RAYS_A_CELL: usize = 8;
+
+/// Result of testing a shadow method's error bound at points between the light rays of texels.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PointReport {
+    /// Number of points at which the error bound was tested.
+    pub points: usize,
+    /// Number of points at which the transmittance violates the error bound.
+    pub violations: usize,
+    /// Number of points at which the error bound is satisfied only if float32 rounding of the light rays and of the
+    /// volume's values is allowed for.
+    pub limited: usize,
+    /// Largest distance of the method's transmittance from the allowed interval; negative where all points lie inside.
+    pub margin: Option<f64>,
+    /// Violation with the largest distance in transmittance from the allowed interval.
+    pub worst: Option<PointViolation>,
+}
+
+/// Point at which a shadow method's transmittance lies outside the interval that its error bound allows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointViolation {
+    /// Position of the point, world mm.
+    pub position_mm: DVec3,
+    /// Transmittance from the light to the point, by the shadow method.
+    pub t_method: f64,
+    /// Distance of the method's transmittance from the allowed interval; infinite for NaN.
+    pub amount: f64,
+}
+
+impl PointReport {
+    /// Merges the reports on two sets of points. Of two equal violations, the first is kept.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        let worst = match (self.worst, other.worst) {
+            (Some(a), Some(b)) if b.amount > a.amount => Some(b),
+            (a, b) => a.or(b),
+        };
+        Self {
+            points: self.points + other.points,
+            violations: self.violations + other.violations,
+            limited: self.limited + other.limited,
+            margin: self.margin.into_iter().chain(other.margin).max_by(f64::total_cmp),
+            worst,
+        }
+    }
+
+    /// Returns `point_bound_held`: whether the error bound is satisfied at every tested point; `None` without points.
+    pub fn satisfied(&self) -> Option<bool> {
+        (self.points > 0).then_some(self.violations == 0)
+    }
+}
+
+/// Parameters for a test of a shadow map's error bound at points between the light rays of texels.
+pub struct PointTest<'a> {
+    /// Column and row of the first texel of each tested cell. The other texels of a cell are the next in each
+    /// direction.
+    pub cells: &'a [[u32; 2]],
+    /// Number of points in each cell, on light rays in positions that a hash of the cell gives.
+    pub points_a_cell: usize,
+    /// Number and placement of the light rays that the shadow map's pre-filter averages in each texel.
+    pub taps: Taps,
+}
+
+/// Texel of a shadow map: the light rays that its pre-filter averages, with their exact curves.
+type Texel<'a> = Vec<(LightRay, ExactRay<'a>)>;
+
+/// Texels that queries in a cell combine, and the points tested there.
+struct Cell<'a> {
+    texels: Vec<Texel<'a>>,
+    /// Depth (mm) and position (world mm) of each point.
+    points: Vec<(f64, DVec3)>,
+}
+
+impl PointTest<'_> {
+    /// Tests the error bound of a shadow map at points of every cell. The report is empty for shadow maps without a
+    /// bound.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn run(
+        &self,
+        field: &ExactField,
+        light: Light,
+        session: &Session,
+        shadow: &ShadowMap,
+    ) -> Result<PointReport> {
+        let mut report = PointReport::default();
+        let Some(bound) = shadow.bound else { return Ok(report) };
+        let nearby = NearbyRays::new(field, bound);
+        for chunk in self.cells.chunks(CELLS_AT_ONCE) {
+            let of = |cell: &[u32; 2]| self.cells_of(*cell, (field, light), &shadow.light_space, bound);
+            let cells: Vec<Cell<'_>> = chunk.par_iter().flat_map_iter(of).collect();
+            let points: Vec<DVec3> = cells.iter().flat_map(|c| c.points.iter().map(|p| p.1)).collect();
+            let values = session.query(shadow, &points)?;
+            let mut rest = &values[..];
+            let mut own = Vec::with_capacity(cells.len());
+            for cell in &cells {
+                let (first, others) = rest.split_at(cell.points.len());
+                own.push((cell, first));
+                rest = others;
+            }
+            let reports: Vec<_> =
+                own.into_par_iter().map(|(cell, values)| cell.report(values, bound, &nearby)).collect();
+            report = reports.into_iter().fold(report, PointReport::merge);
+        }
+        Ok(report)
+    }
+
+    /// Returns the tested points of a cell, with the texels that queries combine there. Shadow rays have no texels:
+    /// each ray is a cell of its own.
+    fn cells_of<'f>(
+        &self,
+        cell: [u32; 2],
+        (field, light): (&'f ExactField<'f>, Light),
+        space: &LightSpace,
+        bound: Bound,
+    ) -> Vec<Cell<'f>> {
+        let texel = |at: DVec2| -> Texel<'f> {
+            let rays =
+                tap_offsets(self.taps).into_iter().map(|offset| LightRay::new(space, light, at + offset));
+            rays.map(|ray| (ray, ExactRay::new(field, ray))).collect()
+        };
+        let centre = |[column, row]: [u32; 2]| DVec2::new(f64::from(column), f64::from(row));
+        let seed = u64::from(cell[0]) << 32 | u64::from(cell[1]);
+        let share = |k: usize| (mix(seed ^ mix(k as u64)) >> 11) as f64 / (1u64 << 53) as f64;
+        let inside = (0..RAYS_A_CELL).map(|k| DVec2::new(share(2 * k), share(2 * k + 1)));
+        let lines: Vec<DVec2> = match bound.texels_a_side {
+            // Rounding decides between texels at the border of their squares.
+            1 => inside.map(|at| centre(cell) + 0.98 * (at - 0.5)).collect(),
+            _ => inside.map(|at| centre(cell) + at).collect(),
+        };
+        let last = DVec2::splat(f64::from(space.map_size) - 0.51);
+        let lines: Vec<DVec2> =
+            lines.into_iter().filter(|at| at.cmple(last).all() && space.covers(*at)).collect();
+        let texels: Vec<DVec2> = match bound.texels_a_side {
+            0 => {
+                let alone = |at: DVec2| self.cell(vec![texel(at)], &[at], light, space, bound);
+                return lines.into_iter().map(alone).collect();
+            }
+            1 => vec![centre(cell)],
+            _ => space.texels_around(cell).map(centre).to_vec(),
+        };
+        if lines.is_empty() {
+            return Vec::new();
+        }
+        vec![self.cell(texels.into_iter().map(texel).collect(), &lines, light, space, bound)]
+    }
+
+    /// Returns a cell of the given texels with points at the positions `lines` (in texels).
+    fn cell<'f>(
+        &self,
+        texels: Vec<Texel<'f>>,
+        lines: &[DVec2],
+        light: Light,
+        space: &LightSpace,
+        bound: Bound,
+    ) -> Cell<'f> {
+        let tolerance_mm = bound.depth_mm + bound.align_mm;
+        let curves = || texels.iter().flatten().map(|(_, curve)| curve);
+        let [first, last] = tested_range(curves(), space.z_range, tolerance_mm);
+        let mut jumps: Vec<f64> = curves().flat_map(ExactRay::jumps).collect();
+        jumps.sort_by(f64::total_cmp);
+        let mut points = Vec::new();
+        for at in lines {
+            let line = LightRay::new(space, light, *at);
+            let nearest = match light {
+                Light::Point { .. } => line.start_mm + bound.from_light_mm,
+                Light::Directional { .. } => first,
+            };
+            let depths = test_depths(
+                [first.max(nearest), last],
+                &jumps,
+                self.points_a_cell / RAYS_A_CELL,
+                tolerance_mm,
+            );
+            points.extend(depths.into_iter().map(|z| (z, line.at(z))));
+        }
+        Cell { texels, points }
+    }
+}
+
+impl Cell<'_> {
+    /// Compares the method's transmittances at the points of the cell with its texels.
+    fn report(&self, values: &[f32], bound: Bound, nearby: &NearbyRays<'_>) -> PointReport {
+        let depth_mm = bound.depth_mm + bound.align_mm;
+        let mean = |texel: &Texel<'_>, z: f64| {
+            texel.iter().map(|(_, curve)| curve.transmittance(z)).sum::<f64>() / texel.len() as f64
+        };
+        let distance = |z: f64, t: f64, least: &dyn Fn(f64) -> f64, most: &dyn Fn(f64) -> f64| {
+            let lowest = least(z + depth_mm) - bound.transmittance;
+            let highest = most(z - depth_mm) + bound.transmittance;
+            // NaN lies outside every interval.
+            if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
+        };
+        let least = |z: f64| self.texels.iter().map(|texel| mean(texel, z)).fold(f64::INFINITY, f64::min);
+        let most = |z: f64| self.texels.iter().map(|texel| mean(texel, z)).fold(0.0, f64::max);
+        let mut report = PointReport { points: values.len(), ..PointReport::default() };
+        let mut outside = |(point, t): (&(f64, DVec3), &f32)| {
+            let (t, amount) = (f64::from(*t), distance(point.0, f64::from(*t), &least, &most));
+            if amount <= EXACT_ROUNDING {
+                report.margin = report.margin.into_iter().chain([amount]).max_by(f64::total_cmp);
+            }
+            (amount > EXACT_ROUNDING).then_some((*point, t, amount))
+        };
+        let suspects: Vec<_> = self.points.iter().zip(values).filter_map(&mut outside).collect();
+        if suspects.is_empty() {
+            return report;
+        }
+        let mut known: Vec<f64> =
+            suspects.iter().flat_map(|((z, _), ..)| [z - depth_mm, z + depth_mm]).collect();
+        sort_distinct(&mut known);
+        let envelope = |texel: &Texel<'_>| {
+            let around = |(ray, _): &(LightRay, ExactRay<'_>)| {
+                nearby.envelope(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
+            };
+            texel.iter().map(around).collect::<Option<Vec<_>>>().map(RoundingEnvelope::mean)
+        };
+        let envelopes: Option<Vec<RoundingEnvelope>> = self.texels.iter().map(envelope).collect();
+        for ((z, position_mm), t_method, amount) in suspects {
+            let amount = envelopes.as_ref().map_or(amount, |all| {
+                let least = |z: f64| all.iter().map(|e| e.least(z)).fold(f64::INFINITY, f64::min);
+                let most = |z: f64| all.iter().map(|e| e.most(z)).fold(0.0, f64::max);
+                distance(z, t_method, &least, &most)
+            });
+            let own = if amount > EXACT_ROUNDING {
+                let worst = Some(PointViolation { position_mm, t_method, amount });
+                PointReport { violations: 1, worst, margin: Some(amount), ..PointReport::default() }
+            } else {
+                PointReport { limited: 1, margin: Some(amount), ..PointReport::default() }
+            };
+            report = report.merge(own);
+        }
+        report
+    }
+}
