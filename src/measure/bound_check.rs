@@ -95,10 +95,9 @@ impl BoundReport {
                 amount: if amount.is_nan() { f64::INFINITY } else { amount },
             };
             report.largest = worse(report.largest, Some(deviation((t_method - t_exact).abs())));
-            let Some(Bound { transmittance, depth_mm, .. }) = bound else { continue };
-            let lowest = exact(z + depth_mm) - transmittance;
-            let highest = exact(z - depth_mm) + transmittance;
-            let outside = deviation((lowest - t_method).max(t_method - highest));
+            let Some(bound) = bound else { continue };
+            let interval = [exact(z + bound.depth_mm), exact(z - bound.depth_mm)];
+            let outside = deviation(bound.distance(t_method, interval));
             if outside.amount > EXACT_ROUNDING {
                 suspects.push(outside);
             } else {
@@ -115,10 +114,7 @@ impl BoundReport {
         for suspect in suspects {
             let (z, t) = (suspect.depth_mm, suspect.t_method);
             let outside = envelope.as_ref().map_or(suspect.amount, |envelope| {
-                let lowest = envelope.least(z + bound.depth_mm) - bound.transmittance;
-                let highest = envelope.most(z - bound.depth_mm) + bound.transmittance;
-                // NaN lies outside every interval.
-                if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
+                bound.distance(t, [envelope.least(z + bound.depth_mm), envelope.most(z - bound.depth_mm)])
             });
             report.margin = larger(report.margin, Some(outside));
             if outside > EXACT_ROUNDING {
@@ -229,16 +225,9 @@ mod tests {
     use super::super::test_depths::test_depths;
     use super::*;
 
-    const BOUND: Bound = Bound {
-        transmittance: 0.02,
-        depth_mm: 0.1,
-        lateral_mm: 0.0,
-        value: 0.0,
-        from_light_mm: 0.0,
-        texels_a_side: 2,
-        align_mm: 0.0,
-        reach_mm: 0.0,
-    };
+    fn narrow() -> Bound {
+        Bound { transmittance: 0.02, depth_mm: 0.1, ..Bound::default() }
+    }
 
     /// Exact transmittance behind a thin sheet at 1 mm that stops half of the light and a uniform slab of 0.2/mm from
     /// 2 to 12 mm.
@@ -248,7 +237,7 @@ mod tests {
     }
 
     fn depths() -> Vec<f64> {
-        test_depths([0.0, 14.0], &[1.0, 2.0, 12.0], 200, BOUND.depth_mm)
+        test_depths([0.0, 14.0], &[1.0, 2.0, 12.0], 200, narrow().depth_mm)
     }
 
     fn report(method: impl Fn(f64) -> f64, bound: Option<Bound>) -> BoundReport {
@@ -258,7 +247,7 @@ mod tests {
 
     #[test]
     fn the_exact_curve_satisfies_its_bound() {
-        let r = report(exact, Some(BOUND));
+        let r = report(exact, Some(narrow()));
         assert_eq!((r.satisfied(), r.rays, r.depths, r.violations), (Some(true), 1, 200, 0));
         assert!(r.ray_err_max().unwrap() < 1e-7, "float32 rounding alone");
         assert_eq!(r.worst, None);
@@ -269,14 +258,14 @@ mod tests {
         let r = report(|z| exact(z) - 0.4, None);
         assert_eq!((r.satisfied(), r.violations), (None, 0));
         assert!((r.ray_err_max().unwrap() - 0.4).abs() < 1e-7);
-        assert_eq!(BoundReport::of_ray(0, &exact, &[], &[], Some(BOUND), |_| None).satisfied(), None);
+        assert_eq!(BoundReport::of_ray(0, &exact, &[], &[], Some(narrow()), |_| None).satisfied(), None);
     }
 
     #[test]
     fn a_jump_misplaced_within_the_depth_tolerance_is_no_violation() {
         // `ray_err_max` stays plain: half of the light is missed either way.
         for (shift, satisfied) in [(0.099, true), (-0.099, true), (0.102, false), (-0.102, false)] {
-            let r = report(|z| exact(z - shift), Some(BOUND));
+            let r = report(|z| exact(z - shift), Some(narrow()));
             assert_eq!(r.satisfied(), Some(satisfied), "jump misplaced by {shift} mm");
             assert!(r.ray_err_max().unwrap() > 0.45);
         }
@@ -286,7 +275,7 @@ mod tests {
     fn a_planted_offset_comes_out_with_its_place() {
         for sign in [1.0, -1.0] {
             // At the far end the curve is flat, so the interval is purely vertical.
-            let r = report(|z| exact(z) + if z > 13.5 { sign * 0.05 } else { 0.0 }, Some(BOUND));
+            let r = report(|z| exact(z) + if z > 13.5 { sign * 0.05 } else { 0.0 }, Some(narrow()));
             let worst = r.worst.unwrap();
             assert_eq!(r.satisfied(), Some(false));
             assert_eq!(r.violations, depths().iter().filter(|&&z| z > 13.5).count());
@@ -298,7 +287,7 @@ mod tests {
 
     #[test]
     fn not_a_number_violates_any_bound() {
-        let r = report(|z| if z == 1.0 { f64::NAN } else { exact(z) }, Some(BOUND));
+        let r = report(|z| if z == 1.0 { f64::NAN } else { exact(z) }, Some(narrow()));
         assert_eq!((r.satisfied(), r.violations, r.ray_err_max()), (Some(false), 1, Some(f64::INFINITY)));
         assert_eq!(r.worst.unwrap().depth_mm, 1.0);
     }
@@ -313,7 +302,7 @@ mod tests {
                     &exact,
                     &[0.0, 13.0],
                     &[1.0, (exact(13.0) + offset) as f32],
-                    Some(BOUND),
+                    Some(narrow()),
                     |_| None,
                 )
             })
@@ -338,7 +327,7 @@ mod tests {
         assert!((both.least(1.2) - (-0.7f64).exp()).abs() < 1e-12);
         assert_eq!(both.most(1.2), 1.0);
         let suspect = |t: f32, near: Option<RoundingEnvelope>| {
-            BoundReport::of_ray(0, &exact, &[1.2], &[t], Some(BOUND), |_| near)
+            BoundReport::of_ray(0, &exact, &[1.2], &[t], Some(narrow()), |_| near)
         };
         let outside = (exact(1.2) + 0.1) as f32;
         assert_eq!(suspect(outside, None).violations, 1);

@@ -211,17 +211,13 @@ impl Cell<'_> {
         let mean = |texel: &Texel<'_>, z: f64| {
             texel.iter().map(|(_, curve)| curve.transmittance(z)).sum::<f64>() / texel.len() as f64
         };
-        let distance = |z: f64, t: f64, least: &dyn Fn(f64) -> f64, most: &dyn Fn(f64) -> f64| {
-            let lowest = least(z + depth_mm) - bound.transmittance;
-            let highest = most(z - depth_mm) + bound.transmittance;
-            // NaN lies outside every interval.
-            if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
+        let interval = |z: f64| {
+            let values = |z: f64| self.texels.iter().map(move |texel| mean(texel, z));
+            [values(z + depth_mm).fold(f64::INFINITY, f64::min), values(z - depth_mm).fold(0.0, f64::max)]
         };
-        let least = |z: f64| self.texels.iter().map(|texel| mean(texel, z)).fold(f64::INFINITY, f64::min);
-        let most = |z: f64| self.texels.iter().map(|texel| mean(texel, z)).fold(0.0, f64::max);
         let mut report = PointReport { points: values.len(), ..PointReport::default() };
         let mut outside = |(point, t): (&(f64, DVec3), &f32)| {
-            let (t, amount) = (f64::from(*t), distance(point.0, f64::from(*t), &least, &most));
+            let (t, amount) = (f64::from(*t), bound.distance(f64::from(*t), interval(point.0)));
             if amount <= EXACT_ROUNDING {
                 report.margin = report.margin.into_iter().chain([amount]).max_by(f64::total_cmp);
             }
@@ -243,9 +239,9 @@ impl Cell<'_> {
         let envelopes: Option<Vec<RoundingEnvelope>> = self.texels.iter().map(envelope).collect();
         for ((z, position_mm), t_method, amount) in suspects {
             let amount = envelopes.as_ref().map_or(amount, |all| {
-                let least = |z: f64| all.iter().map(|e| e.least(z)).fold(f64::INFINITY, f64::min);
-                let most = |z: f64| all.iter().map(|e| e.most(z)).fold(0.0, f64::max);
-                distance(z, t_method, &least, &most)
+                let least = all.iter().map(|e| e.least(z + depth_mm)).fold(f64::INFINITY, f64::min);
+                let most = all.iter().map(|e| e.most(z - depth_mm)).fold(0.0, f64::max);
+                bound.distance(t_method, [least, most])
             });
             let own = if amount > EXACT_ROUNDING {
                 let worst = Some(PointViolation { position_mm, t_method, amount });

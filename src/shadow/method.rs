@@ -187,6 +187,13 @@ pub struct Bound {
 }
 
 impl Bound {
+    /// Returns the distance of a transmittance from the interval that the bound allows around exact ones, from the
+    /// least to the largest; negative inside. NaN lies outside every interval, at an infinite distance.
+    pub fn distance(&self, t: f64, [least, most]: [f64; 2]) -> f64 {
+        let outside = (least - self.transmittance - t).max(t - most - self.transmittance);
+        if t.is_nan() { f64::INFINITY } else { outside }
+    }
+
     /// Returns the error bound that the shadow maps of all lights satisfy; `None` if one of them has no bound.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
         let looser = |a: Self, b: Self| Self {

@@ -150,16 +150,9 @@ impl Findings {
 mod tests {
     use super::*;
 
-    const BOUND: Bound = Bound {
-        transmittance: 0.02,
-        depth_mm: 0.1,
-        lateral_mm: 0.0,
-        value: 0.0,
-        from_light_mm: 0.0,
-        texels_a_side: 2,
-        align_mm: 0.0,
-        reach_mm: 0.0,
-    };
+    fn narrow() -> Bound {
+        Bound { transmittance: 0.02, depth_mm: 0.1, ..Bound::default() }
+    }
 
     /// Returns test results for given transmittances of one light ray at depths 0, 1, 2, 3, whose exact transmittance
     /// is `exp(-z)`.
@@ -174,10 +167,10 @@ mod tests {
 
     #[test]
     fn what_is_right_is_ok() {
-        let right = of(EXACT, Some(BOUND));
+        let right = of(EXACT, Some(narrow()));
         assert_eq!((right.status(), right.faults()), (Status::Ok, vec![]));
         let [a, b, c, d] = EXACT;
-        assert_eq!(of([a, b + 0.03, c - 0.02, d], Some(BOUND)).status(), Status::Ok, "within the bound");
+        assert_eq!(of([a, b + 0.03, c - 0.02, d], Some(narrow())).status(), Status::Ok, "within the bound");
     }
 
     #[test]
@@ -195,7 +188,7 @@ mod tests {
             ([a, f32::NAN, c, d], Status::Nan, "1 transmittances are not finite"),
             ([f32::INFINITY, b, c, d], Status::Nan, "1 transmittances are not finite"),
         ] {
-            let found = of(values, Some(BOUND));
+            let found = of(values, Some(narrow()));
             assert_eq!(found.status(), status, "{values:?}");
             assert!(found.faults().iter().any(|c| c.contains(said)), "{:?}", found.faults());
         }
@@ -230,7 +223,7 @@ mod tests {
 
     #[test]
     fn the_worst_of_several_is_the_status_and_all_are_named() {
-        let found = of([1.0, 0.1, 0.5, f32::NAN], Some(BOUND));
+        let found = of([1.0, 0.1, 0.5, f32::NAN], Some(narrow()));
         assert_eq!(found.status(), Status::Nan);
         assert_eq!(found.faults().len(), 3);
         assert!(Status::ALL.is_sorted());
@@ -238,7 +231,7 @@ mod tests {
 
     #[test]
     fn pictures_count() {
-        let mut found = of(EXACT, Some(BOUND));
+        let mut found = of(EXACT, Some(narrow()));
         found.check_picture(&[0.0, 1.0, 0.5, 1.000_001]);
         assert_eq!(found.status(), Status::Ok);
         found.check_picture(&[1.01, 0.2, -0.5]);
