@@ -51,8 +51,8 @@ const MOST_HOST: f64 = 0.1;
 /// command submission.
 const LEAST_MS: f64 = 1.0;
 
-/// Tolerance for transmittance that increases with depth, for methods with a shadow map. Float32 texel coordinates
-/// along a ray vary by up to 1e-5 texel, so that interpolation mixes in neighbours.
+/// Tolerance for transmittance that increases with depth, for methods with a shadow map, beside the share that
+/// interpolation takes from a neighbour because float32 texel coordinates vary along a ray.
 const MAP_RISE: f64 = 1e-4;
 /// Tolerance for transmittance that increases with depth, for methods that march shadow rays. Each query integrates
 /// different segments, with an error of up to 1e-3 (the method's error bound).
@@ -264,7 +264,12 @@ impl Lit<'_> {
             default_depth_mm: DEFAULT_DEPTH * self.case.volume.min_spacing_mm(),
             nodes_mm: &[],
         };
-        let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) { RAYS_RISE } else { MAP_RISE };
+        let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) {
+            RAYS_RISE
+        } else {
+            let rounding = shadow.light_space.rounding(&self.case.volume, false);
+            MAP_RISE + rounding.texels
+        };
         let (mut check, mut rays) = (BoundReport::default(), Sanity::default());
         let [near, far] = [self.case.volume.corners_mm()[0], self.case.volume.corners_mm()[7]];
         let apart_mm = DEPTHS_APART * near.distance(far);

@@ -95,15 +95,17 @@ impl Found {
                 return f64::NEG_INFINITY;
             }
         };
-        let Bound { transmittance, depth_mm, .. } = outcome.bound;
+        let Bound { transmittance, depth_mm, align_mm, .. } = outcome.bound;
         let nearness = outcome.margin() / transmittance;
         self.tries += 1;
         self.depths += outcome.report.depths;
         self.points += outcome.points.points;
         self.limited += outcome.report.limited;
         self.nearest = self.nearest.max(nearness);
-        // Pre-filtered curves have a larger depth tolerance, by the step of their lattice.
-        let deep = attack.prefilter.is_none_or(|n| n == 1) && depth_mm > 0.25 * outcome.min_spacing_mm;
+        // Pre-filtered curves have a larger depth tolerance, by the step of their lattice. Rounding of texel coordinates
+        // takes a share of the alignment of neighbours.
+        let deepest_mm = 0.25 * outcome.min_spacing_mm + 1e-3 * align_mm;
+        let deep = attack.prefilter.is_none_or(|n| n == 1) && depth_mm > deepest_mm;
         let wide = transmittance > attack.epsilon + 0.005 || deep;
         if !outcome.held() || wide {
             self.broken.push(format!("{what}: {outcome:?}\n  {}", attack.shown()));
