@@ -142,8 +142,9 @@ fn next_label_border(borders: vec3<f32>, u: f32, end: f32) -> f32 {
     return end;
 }
 
+// Samples at surfaces do not lie on the lattice.
 fn next_sample(k: f32) -> f32 {
-    return k + 1.0;
+    return floor(k) + 1.0;
 }
 
 fn parts_of_step(step_mm: f32) -> u32 {

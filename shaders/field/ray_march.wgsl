@@ -1,15 +1,15 @@
 // March along a ray by regular samples that skips bricks without extinction: eye rays, and light rays with
 // `march=samples`.
 //
-// Samples lie on the lattice k step, whatever is skipped, and on the ends of the domain. A march hits the segments
-// between two samples that may have extinction.
+// Samples lie on the lattice k step, whatever is skipped, on the ends of the domain, and on surfaces that the caller
+// finds. A march hits the segments between two samples that may have extinction.
 //
 // Loops here and in the callers exit at their last line: software adapters execute the body of a loop once more for
 // an exit at its start.
 #define_import_path umbravox::ray_march
 
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::labels::{label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
+#import umbravox::labels::{CUTS_BY_LABEL, label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
 #import umbravox::tuning::STEPS_TOGETHER
 #import umbravox::work::count_step
 
@@ -33,8 +33,8 @@ struct RayMarch {
     k: f32,
     value: f32,
     valid: bool,
-    // Whether the last sample may lie in a brick with extinction.
-    occupied: bool,
+    // Number of steps to take before the march may skip: the last samples may lie in a brick with extinction.
+    steps_unskipped: u32,
     // Whether the march goes on: the end of the ray is not reached.
     marching: bool,
     // Whether the march has hit a segment with extinction. The caller integrates it from `segment_start` to the last
@@ -44,10 +44,30 @@ struct RayMarch {
     segment_value: f32,
     // Shift added to the segment's values for its label.
     shift: f32,
+#ifdef SURFACES
+    // Value one step before the last sample; FAR if there is none.
+    before: f32,
+    // Search between two samples that the caller must make before the march goes on, one of the constants *_SEARCH.
+    search: u32,
+#endif
     // Number of iterations that all loops of the ray may still take.
     iterations_left: u32,
 }
 
+#ifdef SURFACES
+const NO_SEARCH: u32 = 0u;
+// The value passes the first value with extinction on the hit segment.
+const SURFACE_SEARCH: u32 = 1u;
+// The value may exceed the first value with extinction on both sides of the last sample.
+const PEAK_SEARCH: u32 = 2u;
+// Largest rise assumed beside a sample, in steps at the steeper of its two slopes.
+const PEAK_STEPS: f32 = 2.0;
+const FINDS_PEAKS: bool = CUTS_BY_LABEL == 1u;
+#else
+const FINDS_PEAKS: bool = false;
+#endif
+// Number of steps before a skip once samples lie in empty bricks, plus 1. A peak belongs to the sample after it as well.
+const STEPS_UNSKIPPED: u32 = select(1u, 2u, FINDS_PEAKS);
 // Largest integer up to which float32 counts exactly.
 const MAX_SAMPLES: f32 = 16777216.0;
 
@@ -70,9 +90,15 @@ fn start_march(ray: Ray, iterations_a_sample: u32) -> RayMarch {
     let samples = u32(clamp((ray.end - ray.start) / ray.step_mm, 0.0, MAX_SAMPLES)) + 2u;
     // A skip over empty bricks takes one iteration, and one more to sample where it ends.
     let skips = 3u * (field.size.x + field.size.y + field.size.z);
-    let iterations = parts_of_step(ray.step_mm) * samples * iterations_a_sample + skips;
-    let k = floor(ray.start / ray.step_mm);
-    return RayMarch(k, 0.0, false, true, ray.start < ray.end, false, 0.0, 0.0, 0.0, iterations);
+    var march: RayMarch;
+    march.k = floor(ray.start / ray.step_mm);
+    march.steps_unskipped = STEPS_UNSKIPPED;
+    march.marching = ray.start < ray.end;
+#ifdef SURFACES
+    march.before = FAR;
+#endif
+    march.iterations_left = parts_of_step(ray.step_mm) * samples * iterations_a_sample + skips;
+    return march;
 }
 
 // Returns the depth of a sample, mm, from its lattice coordinate.
@@ -91,6 +117,15 @@ fn count_iteration(march: ptr<function, RayMarch>) {
     let more = (*march).iterations_left > 0u;
     (*march).marching = (*march).marching && more;
     (*march).hit = (*march).hit && more;
+}
+
+// Returns whether the caller must search between two samples before the march goes on.
+fn is_searching(march: RayMarch) -> bool {
+#ifdef SURFACES
+    return march.search != NO_SEARCH;
+#else
+    return false;
+#endif
 }
 
 fn reached_iteration_limit(march: RayMarch) -> bool {
@@ -116,34 +151,57 @@ fn step(march: ptr<function, RayMarch>, ray: Ray) {
 #ifdef SKIP_BRICKS
     let brick = brick_at(ray, ahead);
     let distance = brick_distance_at(brick);
-    occupied = distance == 0;
     // A segment between two inactive bricks is empty if they touch and thus share values, or if all bricks between
     // them are empty. A long step may pass an active brick.
     let apart = abs(brick - brick_at(ray, behind));
-    let joined = max(apart.x, max(apart.y, apart.z)) <= max(distance - 1, 1);
-    skips = !occupied && !(*march).occupied && joined;
+    let farthest = max(apart.x, max(apart.y, apart.z));
+    let touch = select(farthest, apart.x + apart.y + apart.z, FINDS_PEAKS) <= 1;
+    let joined = touch || farthest <= distance - 1;
+    occupied = distance == 0 || FINDS_PEAKS && !joined;
     let forward = ray.d > vec3<f32>(0.0);
     let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
     let moves = abs(ray.d) >= vec3<f32>(1e-20);
     let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - ray.o) * ray.inv_d, moves);
+    let last_empty = floor(min(exits.x, min(exits.y, exits.z)) / ray.step_mm);
     // Rounding may put the last face before the sample, which has passed it.
-    k = select(k, max(floor(min(exits.x, min(exits.y, exits.z)) / ray.step_mm), k), skips);
+    skips = distance > 0 && (*march).steps_unskipped == 0u && joined && (!FINDS_PEAKS || k < last_empty);
+    k = select(k, max(last_empty, k), skips);
 #endif
-    let value = value_at(ray.o + select(behind, ahead, (*march).valid) * ray.d);
+    // Whether samples enclose a peak must not depend on where a ray or a skip ends: one more sample comes first.
+    let first = (*march).k - select(0.0, 1.0, FINDS_PEAKS);
+    let value = value_at(ray.o + select(sample_depth(ray, first), ahead, (*march).valid) * ray.d);
     let last = (*march).value;
     let taken = (*march).valid && !skips;
     let visible = min(last, value) < field.last_value && max(last, value) > field.first_value;
     (*march).hit = taken && visible && !is_hidden(stretch.shift);
-    (*march).segment_start = behind;
+    var start = behind;
+    var peak = false;
+#ifdef SURFACES
+    // Matter may also lie beside the largest of three samples without extinction. The segment's start is then the top
+    // of the parabola through them.
+    let before = (*march).before;
+    let rise = last - before;
+    let fall = last - value;
+    let reaches = last + PEAK_STEPS * max(rise, fall) > field.first_value;
+    peak = FINDS_PEAKS && taken && rise > 0.0 && fall >= 0.0 && last <= field.first_value && reaches;
+    let top = behind + 0.5 * ray.step_mm * (rise - fall) / (rise + fall);
+    start = select(behind, clamp(top, ray.t_in, ray.t_out), peak);
+    (*march).search = select(NO_SEARCH, PEAK_SEARCH, peak);
+    (*march).before = select(select(FAR, last, taken && k - (*march).k == 1.0), before, peak);
+#endif
+    (*march).segment_start = start;
     (*march).segment_value = shifted_value(last, stretch.shift);
     (*march).shift = stretch.shift;
-    (*march).value = value;
-    // After a skip the last sample has no value yet: the next step reads it.
-    let moves_on = taken || skips;
-    (*march).k = select((*march).k, k, moves_on);
-    (*march).occupied = select((*march).occupied, occupied, moves_on);
+    (*march).value = select(value, last, peak);
+    // After a skip the last sample has no value yet: the next step reads it. A peak is searched first.
+    let moves_on = (taken && !peak) || skips;
+    (*march).k = select(select((*march).k, first, !(*march).valid), k, moves_on);
+    let fewer = max((*march).steps_unskipped, 1u) - 1u;
+    let steps_unskipped = select(fewer, STEPS_UNSKIPPED, occupied);
+    (*march).steps_unskipped = select((*march).steps_unskipped, steps_unskipped, moves_on);
     (*march).valid = !skips;
-    (*march).marching = !moves_on || sample_depth(ray, k) < ray.end;
+    let goes_on = sample_depth(ray, select(k, k - 1.0, FINDS_PEAKS)) < ray.end && sample_depth(ray, k) < ray.t_out;
+    (*march).marching = !moves_on || goes_on;
 }
 
 // Advances the march until it hits a segment with extinction, the ray ends, or STEPS_TOGETHER steps are taken.
@@ -151,10 +209,10 @@ fn advance(march: ptr<function, RayMarch>, ray: Ray) {
     var steps = 0u;
     loop {
         steps += 1u;
-        if (*march).marching && !(*march).hit {
+        if (*march).marching && !(*march).hit && !is_searching(*march) {
             step(march, ray);
             count_iteration(march);
         }
-        if (*march).hit || !(*march).marching || steps >= STEPS_TOGETHER { break; }
+        if (*march).hit || is_searching(*march) || !(*march).marching || steps >= STEPS_TOGETHER { break; }
     }
 }

@@ -15,15 +15,17 @@
 
 #import umbravox::frame::{frame, picture, ray_pixel}
 #import umbravox::field::{field, value_at, FAR}
-#import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
+#import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, is_searching, SURFACE_SEARCH, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #ifdef RESUMABLE
 #import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
 #endif
+#import umbravox::labels::CUTS_BY_LABEL
+#import umbravox::between_samples::{crosses_surface, find_surface}
 #import umbravox::transfer::{color_integral_at, mean_color}
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, add_divergence, add_work, LOOKUPS}
-#ifdef SHADOWS
 #import umbravox::tuning::STEPS_TOGETHER
+#ifdef SHADOWS
 #import umbravox::mean_light::mean_light
 #ifdef MESH
 #import umbravox::mesh_light::light_at
@@ -55,8 +57,6 @@ const EYE_OVER: f32 = 5e-4;
 #ifdef SHADOWS
 const SPLITS_SEGMENTS: bool = true;
 const SURFACE_OVER: f32 = EYE_OVER;
-// Number of iterations after which lanes with a complete light interval do not wait for the others.
-const INTERVAL_STEPS: u32 = STEPS_TOGETHER;
 #ifdef LOOKUP_EACH
 const MAX_SEGMENTS: u32 = 1u;
 const FAINT_INTERVAL: f32 = 0.0;
@@ -69,7 +69,6 @@ const FAINT_INTERVAL: f32 = 0.05;
 #else
 const SPLITS_SEGMENTS: bool = false;
 const SURFACE_OVER: f32 = 0.0;
-const INTERVAL_STEPS: u32 = 1u;
 const MAX_SEGMENTS: u32 = 1u;
 #endif
 // Optical depth limits: a segment above THICKEST_PART is split into parts of LIT_DEPTH. A part of which less than a
@@ -78,6 +77,8 @@ const LIT_DEPTH: f32 = 0.75;
 const THICKEST_PART: f32 = 1.0;
 const UNSEEN_PART: f32 = 4.0;
 const MAX_PARTS: f32 = 16.0;
+// Number of iterations after which lanes with a complete light interval do not wait for the others.
+const INTERVAL_STEPS: u32 = STEPS_TOGETHER;
 // Fraction of all visible light along the eye ray at which a light interval is complete.
 const COMPLETE_INTERVAL: f32 = 0.15;
 // Largest number of iterations for a sample: one step, one test of thickness, four for each part, and a reserve.
@@ -261,8 +262,11 @@ fn accumulate_segment(
     let part = next_part(*march, (*interval).part_mm, ray);
     let length_mm = part.end - begin;
     let depth = part.mean.w * length_mm;
-    let thick = SPLITS_SEGMENTS && depth * min(UNSEEN_PART * *left, 1.0) > THICKEST_PART && (*interval).part_mm == FAR;
-    if thick {
+    let thickness = depth * min(UNSEEN_PART * *left, 1.0) / THICKEST_PART;
+    let whole = (*interval).part_mm == FAR;
+    if CUTS_BY_LABEL == 1u && whole && crosses_surface(*march, thickness) {
+        (*march).search = SURFACE_SEARCH;
+    } else if SPLITS_SEGMENTS && whole && thickness > 1.0 {
         // The segment is taken again in parts.
         (*interval).part_mm = length_mm / clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
     } else {
@@ -309,8 +313,8 @@ fn accumulate_interval(
             if (*march).hit && !(*interval).complete { accumulate_segment(interval, color, march, left, ray); }
             if SPLITS_SEGMENTS { count_iteration(march); }
         }
-        let over = !((*march).hit || (*march).marching) && (*interval).segments == 0u;
-        if (*interval).complete || over || steps >= INTERVAL_STEPS { break; }
+        let over = (*interval).segments == 0u && (*left < EYE_OVER || !((*march).hit || (*march).marching));
+        if (*interval).complete || over || is_searching(*march) || steps >= INTERVAL_STEPS { break; }
     }
 }
 
@@ -383,6 +387,9 @@ fn raycast(
         color = picture[index].rgb;
         left = picture[index].a;
         march.k = resume.x;
+        march.value = resume.z;
+        march.valid = resume.z != FAR;
+        march.before = resume.w;
     }
 #endif
     var interval = LightInterval(0u, 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
@@ -400,6 +407,7 @@ fn raycast(
             break;
         }
         accumulate_interval(&interval, &color, &march, &left, ray);
+        if is_searching(march) { find_surface(&march, ray); }
 #ifdef SHADOWS
         if interval.complete {
             light_interval(&interval, &known, &color, ray);
@@ -431,11 +439,12 @@ fn raycast(
     if interrupted {
         picture[index] = vec4<f32>(color, left);
         let here = known.t == sample_depth(ray, march.k);
-        resumption.resume[index] = vec2<f32>(march.k, select(UNKNOWN_LIGHT, known.light, here));
+        let value = select(FAR, march.value, march.valid);
+        resumption.resume[index] = vec4<f32>(march.k, select(UNKNOWN_LIGHT, known.light, here), value, march.before);
         atomicAdd(&resumption.unfinished, 1u);
         return;
     }
-    resumption.resume[index] = vec2<f32>(FAR, UNKNOWN_LIGHT);
+    resumption.resume[index] = vec4<f32>(FAR);
 #endif
     picture[index] = vec4<f32>(color + left * frame.background, 1.0 - left);
 }

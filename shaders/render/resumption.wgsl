@@ -8,8 +8,9 @@ struct Resumption {
     // Number of pixels that are not finished.
     unfinished: atomic<u32>,
     // For each pixel, the sample at which its ray resumes: -FAR before the first dispatch, FAR for finished pixels.
-    // Then the transmittance from the light there, or UNKNOWN_LIGHT.
-    resume: array<vec2<f32>>,
+    // Then the transmittance from the light there, or UNKNOWN_LIGHT, and the values there and one step before; FAR if they
+    // are not known.
+    resume: array<vec4<f32>>,
 }
 
 @group(2) @binding(2) var<storage, read_write> resumption: Resumption;

@@ -172,11 +172,11 @@ impl Renderer {
         span: &mut Span,
     ) -> Result<bool> {
         let width = caster.scene.width;
-        // Number of unfinished pixels and padding, then the progress of each pixel: sample and light there.
+        // Number of unfinished pixels and padding, then the progress of each pixel: sample, light there, last two values.
         let resumable = caster.passes.iter().any(|pass| pass.resumable);
         let pixels_here = if resumable { rows as usize * width as usize } else { 1 };
-        let mut start = vec![f32::from_bits(0); 2];
-        start.resize(2 * pixels_here + 2, NOT_STARTED);
+        let mut start = vec![f32::from_bits(0); 4];
+        start.resize(4 * pixels_here + 4, NOT_STARTED);
         let progress = StorageBuffer::from_slice(self.gpu(), "progress", &start)?;
         let mut pixels = Some(pixels);
         let mut first_column = 0;

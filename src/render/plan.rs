@@ -340,6 +340,8 @@ fn raycast_shader(
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_ray_march(skip_bricks)
+        .modules(&["render/between_samples.wgsl"])
+        .defs(["SURFACES"])
         .defs(one_color.then_some("ONE_COLOR"))
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
