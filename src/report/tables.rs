@@ -42,11 +42,25 @@ impl Default for Layout {
     }
 }
 
-/// Returns the main columns of the comparison table as Markdown with a caption. Notes on single rows and the most
-/// accurate shadow method within each budget follow below the table.
+/// Columns of the summary that the default LaTeX table has no room for.
+const BESIDE_PAPER: [&str; 2] = ["point_err_max", "bound_depth_mm"];
+
+/// Returns the main columns of the comparison table as Markdown with a caption. The coverage of error bounds, notes on
+/// single rows and the most accurate shadow method within each budget follow below the table.
 pub fn summary(rows: &[Row], layout: &Layout) -> String {
-    let few: Vec<TableColumn> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
-    markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
+    let is_shown = |s: &&TableColumn| s.on_paper || BESIDE_PAPER.contains(&s.name);
+    let few: Vec<TableColumn> = SHOWN.iter().filter(is_shown).copied().collect();
+    let table = markdown_table(rows, &picked(layout, few));
+    let coverage = bound_coverage(rows).map_or(String::new(), |text| format!("\n{text}\n"));
+    table + &coverage + &remarks(rows) + &answers(rows)
+}
+
+/// Returns what the error bounds of a table cover; `None` if no row has one.
+pub fn bound_coverage(rows: &[Row]) -> Option<&'static str> {
+    let text = "`bound` covers light rays through texel centres, up to `bound depth` along them. `point bound held` \
+        covers points between them, up to `point bound lateral` aside. Neither covers pixels: `point err max` is the \
+        largest error found at the points that the camera sees.";
+    rows.iter().any(|row| row.bound.is_some()).then_some(text)
 }
 
 /// Markdown list of the notes on single rows of the comparison table.
@@ -86,6 +100,9 @@ pub fn markdown(rows: &[Row], layout: &Layout) -> String {
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
         camera sees; the picture's are against the exact picture, RMSE and PSNR in linear RGBA, SSIM in sRGB. Times \
         are medians. Every column is in the CSV file beside this one.\n";
+    if let Some(text) = bound_coverage(rows) {
+        out += &format!("{text}\n");
+    }
     if let Some(error) = rows.iter().filter_map(|r| r.image_exact_err).reduce(f64::max) {
         out += &format!(
             "The exact picture itself changes by at most {} in a channel when its integration is made finer.\n",

@@ -70,6 +70,11 @@ fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
         if let Some(bound) = side.bound {
             let text = format!("± {:.4} within {:.3} mm", bound.transmittance, bound.depth_mm);
             row("error bound", text, "On transmittance, along light rays through texel centres");
+            let depth_mm = bound.depth_mm + bound.align_mm;
+            let text = format!("± {:.4} within {depth_mm:.3} mm, {:.2} mm aside", bound.transmittance, bound.reach_mm);
+            let tooltip = "On transmittance at any point: beyond the extremes of the exact one within these distances along \
+                the light ray and aside. It does not cover pixels";
+            row("at points", text, tooltip);
         }
     });
 }

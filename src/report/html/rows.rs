@@ -2,6 +2,7 @@
 
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use crate::report::number::{near_one, significant};
+use crate::report::tables::bound_coverage;
 use maud::{Markup, html};
 
 /// Length in bytes above which the text of a cell in the report's HTML table is shown in a small scrollable box.
@@ -22,7 +23,9 @@ const MAIN: &[&str] = &[
     "image_psnr",
     "image_ssim",
     "bound",
+    "bound_depth_mm",
     "bound_held",
+    "point_bound_held",
     "pareto",
     "status",
 ];
@@ -52,6 +55,9 @@ pub fn table(rows: &[Row]) -> Markup {
                     " every column"
                 }
                 " " span id="sorted" role="status" {}
+            }
+            @if let Some(text) = bound_coverage(rows) {
+                p class="hint" { (text.replace('`', "")) }
             }
             div class="scroll" role="region" aria-label="Table" tabindex="0" {
                 table id="rows" {

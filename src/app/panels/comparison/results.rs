@@ -9,7 +9,7 @@ use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
 
 /// Columns of the comparison table (`compare.csv`) that the comparison window shows.
-const SHOWN: [&str; 13] = [
+const SHOWN: [&str; 16] = [
     "method",
     "params",
     "map",
@@ -21,7 +21,10 @@ const SHOWN: [&str; 13] = [
     "frame_ms",
     "fps_moving",
     "image_psnr",
+    "bound",
+    "bound_depth_mm",
     "bound_held",
+    "point_bound_held",
     "pareto",
 ];
 /// Height above which the comparison table in the window scrolls, screen points.
