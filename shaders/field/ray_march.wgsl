@@ -33,7 +33,7 @@ struct RayMarch {
     k: f32,
     value: f32,
     valid: bool,
-    // Number of steps to take before the march may skip: the last samples may lie in a brick with extinction.
+    // Number of steps to take before the march may skip, because samples before them lie in bricks with extinction.
     steps_unskipped: u32,
     // Whether the march goes on: the end of the ray is not reached.
     marching: bool,
@@ -66,7 +66,8 @@ const FINDS_PEAKS: bool = CUTS_BY_LABEL == 1u;
 #else
 const FINDS_PEAKS: bool = false;
 #endif
-// Number of steps before a skip once samples lie in empty bricks, plus 1. A peak belongs to the sample after it as well.
+// Number of steps that end in empty bricks, the one that skips included, from a brick with extinction to the first skip.
+// The first sample behind the brick may be the largest beside a peak in it.
 const STEPS_UNSKIPPED: u32 = select(1u, 2u, FINDS_PEAKS);
 // Largest integer up to which float32 counts exactly.
 const MAX_SAMPLES: f32 = 16777216.0;
