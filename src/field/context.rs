@@ -154,8 +154,7 @@ impl BuildContext<'_> {
             let groups = &[self.transfer.group(), shadow, &stage];
             let pass = DevicePass { variant, groups, workgroups };
             deferred.push(label, list.count, share, self.kernels.record(label, &[pass], read.as_slice())?);
-            let gpu_ms = self.gpu().timestamp_period_ns.map(|_| 0.0);
-            return Ok((Span { gpu_ms, wall_ms: 0.0 }, None));
+            return Ok((self.no_time(), None));
         }
         let mut words = Vec::new();
         let span = self.pace.run_batches(label, list.count, granule, |batch| {
@@ -168,6 +167,37 @@ impl BuildContext<'_> {
             Ok(span)
         })?;
         Ok((span, Some(words)))
+    }
+
+    /// Runs passes that follow a pass over a list of tiles ([`Self::run_over`]), in one submission. `shadow` and
+    /// `stage` are bind groups 1 and 2 of all of them. With `is_deferred`, that pass was deferred, and these are
+    /// deferred, too. Returns the duration, and the words of `read` unless the passes are deferred.
+    ///
+    /// # Errors
+    /// The device is out of memory or lost.
+    pub fn run_behind(
+        &self,
+        label: &'static str,
+        passes: &[(&ShaderVariant, [u32; 3])],
+        [shadow, stage]: [&Group; 2],
+        read: Read<'_>,
+        is_deferred: bool,
+    ) -> Result<(Span, Option<Vec<u32>>)> {
+        let groups = &[self.transfer.group(), shadow, stage];
+        let pass = |&(variant, workgroups)| DevicePass { variant, groups, workgroups };
+        let passes: Vec<_> = passes.iter().map(pass).collect();
+        let recorded = self.kernels.record(label, &passes, &[read])?;
+        if let Some(deferred) = self.deferred.filter(|_| is_deferred) {
+            deferred.push(label, 0, 0.0, recorded);
+            return Ok((self.no_time(), None));
+        }
+        let (span, reads) = self.kernels.submit(vec![recorded])?.into_iter().next().unwrap_or_default();
+        Ok((span, reads.into_iter().next()))
+    }
+
+    /// Returns the duration of a deferred pass before it has run.
+    fn no_time(&self) -> Span {
+        Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| 0.0), wall_ms: 0.0 }
     }
 
     /// Runs a compute pass of a shadow-map build once per step, where each step reads what earlier steps stored.

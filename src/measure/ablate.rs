@@ -46,11 +46,11 @@ pub struct Ablation {
     pub frame_ms: Option<f64>,
     /// Time to render one picture from a finished shadow map with the tested renderer optimization disabled, ms.
     pub frame_ms_forced: Option<f64>,
-    /// Memory of the shadow map, transfer function tables and brick classes with the tested renderer optimization
-    /// enabled, bytes.
+    /// Memory of the shadow map and its build, transfer function tables and brick classes with the tested renderer
+    /// optimization enabled, bytes.
     pub bytes: Option<u64>,
-    /// Memory of the shadow map, transfer function tables and brick classes with the tested renderer optimization
-    /// disabled, bytes.
+    /// Memory of the shadow map and its build, transfer function tables and brick classes with the tested renderer
+    /// optimization disabled, bytes.
     pub bytes_forced: Option<u64>,
     /// Largest difference in any colour channel between two pictures: one with the tested renderer optimization
     /// enabled, one with it disabled.
@@ -178,7 +178,7 @@ fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<
             gpu_mhz: None,
             unsteady: false,
         },
-        bytes: report.bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
+        bytes: report.bytes + report.build_bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
         picture,
     })
 }

@@ -177,12 +177,8 @@ impl<'a> Reference<'a> {
             renderer.shadows_in(loaded, &transfer, method, job.scene, view.as_ref())
         };
         let start = Instant::now();
-        let mut shadows = build()?;
+        let shadows = build()?;
         let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
-        if BuildReport::of_all(&shadows).guessed {
-            // The row describes a build after the light has moved, when sizes are known.
-            shadows = build()?;
-        }
         let marches = |map: &ShadowMap| map.lookup.as_ref().is_some_and(|l| l.marches());
         let marched = transfer.march_table().is_some() || shadows.iter().any(marches);
         if marched {
@@ -213,6 +209,7 @@ impl<'a> Reference<'a> {
                 .filter(|_| needed.is_ok() && method.has_map()),
             bytes: Some(report.bytes),
             bytes_used: Some(report.bytes_used),
+            build_bytes: Some(report.build_bytes).filter(|bytes| *bytes > 0),
             nodes_total: report.nodes_total,
             nodes_max: report.nodes_max,
             lights: Some(job.scene.lights_shining()),
@@ -270,10 +267,7 @@ impl<'a> Reference<'a> {
     /// some budget is satisfied.
     pub fn try_setting(&self, method: &dyn Method, budgets: &[Budget], trial: &mut Row) -> Result<()> {
         let job = self.job;
-        let mut shadows = job.session.shadows_of(method, job.scene)?;
-        if BuildReport::of_all(&shadows).guessed {
-            shadows = job.session.shadows_of(method, job.scene)?;
-        }
+        let shadows = job.session.shadows_of(method, job.scene)?;
         trial.bytes = Some(BuildReport::of_all(&shadows).bytes);
         let drawn = job.session.render(&shadows, &self.exact_picture.scene)?;
         let largest_ms =

@@ -83,10 +83,12 @@ columns! {
     /// Pictures per second while the light moves, so that the shadow map is rebuilt for each: `1000 / (build_ms +
     /// frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Memory allocated for the shadow map, in bytes, after a first build has shown how large the buffers must be.
+    /// Memory allocated for the shadow map, in bytes.
     bytes [""]: Option<u64>,
     /// Memory of the shadow map that queries for transmittance can access, in bytes.
     bytes_used [""]: Option<u64>,
+    /// Memory that only the build of the shadow map needs, in bytes, for methods that free it afterwards.
+    build_bytes [""]: Option<u64>,
     /// Number of transmittance curve nodes stored in the shadow map, for methods that store nodes.
     nodes_total [""]: Option<u64>,
     /// Largest number of transmittance curve nodes in any texel of the shadow map.

@@ -243,9 +243,8 @@ pub struct BuildReport {
     pub bytes: u64,
     /// Part of the shadow map's memory that transmittance queries can read, bytes.
     pub bytes_used: u64,
-    /// Whether the build had to guess a buffer size, so that the next build of the shadow map will take a different
-    /// amount of memory.
-    pub guessed: bool,
+    /// Memory that only the build needs, bytes. A window keeps it for later builds.
+    pub build_bytes: u64,
     /// Number of curve nodes stored in the whole shadow map.
     pub nodes_total: Option<u64>,
     /// Largest number of curve nodes in one texel of the shadow map.
@@ -259,7 +258,7 @@ pub struct BuildReport {
     pub tiles: u32,
     /// Number of shadow map tiles that are skipped, since they cover no part of the volume with extinction.
     pub tiles_left_out: u32,
-    /// Memory saved by skipped shadow map tiles, bytes.
+    /// Memory saved by skipped shadow map tiles, in the map or during its build, bytes.
     pub bytes_left_out: u64,
     /// Number of times that the shadow map build was repeated because the texture for curve nodes was too small.
     pub pool_growths: u32,
@@ -297,7 +296,8 @@ impl BuildReport {
             device,
             bytes: self.bytes + other.bytes,
             bytes_used: self.bytes_used + other.bytes_used,
-            guessed: self.guessed || other.guessed,
+            // Maps are built one after another.
+            build_bytes: self.build_bytes.max(other.build_bytes),
             nodes_total: sum(self.nodes_total, other.nodes_total),
             nodes_max: self.nodes_max.max(other.nodes_max),
             texels_hit: sum(self.texels_hit, other.texels_hit),

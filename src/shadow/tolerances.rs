@@ -10,6 +10,9 @@ pub const OPAQUE_DEPTH: f32 = 7.6246;
 /// march.
 pub const CHORD_TOLERANCE: f64 = 0.0023;
 
+/// Shader module of the greedy compression of transmittance curves (Lokovic and Veach 2000).
+pub const GREEDY: &str = "shadow/greedy.wgsl";
+
 /// Bound on the error in transmittance of four-point Gauss quadrature over intervals of a light ray on which `1 -
 /// opacity` changes by a factor of 2 at most. It applies at a transmittance of 1/e, where an error in optical depth
 /// weighs most. It includes the error of intervals on which opacity nears 1.

@@ -7,10 +7,10 @@
 #import umbravox::work::{add_divergence, add_work}
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
-#import umbravox::dsm_nodes::{start_writer, push, finish}
-#import umbravox::dsm_rows::report_cut_ray
+#import umbravox::compression::{start_writer, push, finish}
+#import umbravox::curve_nodes::report_cut_ray
 #ifdef WORKGROUP_SUMS
-#import umbravox::dsm_rows::add_counts
+#import umbravox::curve_nodes::add_counts
 #endif
 #import umbravox::dsm_layout::{params, DEPTH_STEPS, MAX_LATTICE_STEPS}
 #ifdef MARCHES

@@ -1,17 +1,19 @@
-// Layout of a tiled deep shadow map (Hadwiger et al. 2006, 3.3 and 3.4): rows of nodes in a texture.
+// Layout of a tiled deep shadow map (Hadwiger et al. 2006, 3.3 and 3.4). A curve node is one word: depth within the
+// map's range in the upper 16 bits, transmittance in the next 15, and a flag.
 #define_import_path umbravox::dsm_layout
 
-const NO_ROW: u32 = #{NO_ROW};
-const ROW_NODES: u32 = #{ROW_NODES};
-// Width, in texels, of the texture that stores the curve nodes; a row has two texels of four words.
-const NODE_TEXTURE_WIDTH: u32 = #{NODE_TEXTURE_WIDTH};
-// Largest stored depth, which is the end of the map. The filler of a row behind its last node lies one step farther.
+// Largest stored depth, which is the end of the map. The filler behind the last node of a texel lies one step farther.
 const DEPTH_STEPS: f32 = #{DEPTH_STEPS};
 const FILLER: u32 = #{FILLER};
 // Largest number of steps of the regular lattice on a ray.
 const MAX_LATTICE_STEPS: u32 = #{MAX_LATTICE_STEPS};
-// Largest number of rows of one texel: two nodes for each depth step, and the nodes of the last row.
-const MAX_ROWS: u32 = #{MAX_ROWS};
+// Largest number of nodes of one texel: two for each depth step.
+const MAX_NODES: u32 = #{MAX_NODES};
+// Transmittance 1 as it is stored.
+const FULL_TRANSMITTANCE: f32 = 32767.0;
+// Flag in the first word of a head: its last word is the index of the texel's first tail quad. Flag in the last word
+// of a tail quad: the texel has another one behind it.
+const CONTINUES: u32 = 1u;
 
 struct Params {
     // Error bound of the compression, and the largest optical depth of a piece at transmittance 1 whose chord stays
@@ -29,13 +31,27 @@ struct Params {
     depth_steps_per_mm: f32,
     // Largest weight of neighbours that rounding may give on a light ray through a texel centre.
     least_weight: f32,
-    padding_a: f32,
-    padding_b: f32,
-    padding_c: f32,
+    // Number of quads of nodes for which the map has space, and the binary logarithm of the width of their texture.
+    quads: u32,
+    quads_width_shift: u32,
+    padding: u32,
 }
 
 @group(1) @binding(1) var<uniform> params: Params;
 
-fn row_texel(row: u32) -> vec2<u32> {
-    return vec2<u32>((2u * row) % NODE_TEXTURE_WIDTH, (2u * row) / NODE_TEXTURE_WIDTH);
+fn node_word(step: u32, transmittance: f32) -> u32 {
+    return (step << 16u) | (u32(round(clamp(transmittance, 0.0, 1.0) * FULL_TRANSMITTANCE)) << 1u);
+}
+
+fn node_step(word: u32) -> u32 {
+    return word >> 16u;
+}
+
+fn node_transmittance(word: u32) -> f32 {
+    return f32((word & 0xffffu) >> 1u) / FULL_TRANSMITTANCE;
+}
+
+// Returns the position of a quad of nodes in the texture of the finished map.
+fn quad_texel(quad: u32) -> vec2<u32> {
+    return vec2<u32>(quad & ((1u << params.quads_width_shift) - 1u), quad >> params.quads_width_shift);
 }

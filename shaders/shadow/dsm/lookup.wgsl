@@ -3,28 +3,26 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::work::{count_work, LOADS}
-#import umbravox::tile_table::{record_of, records_around, wrapped_texel, NO_TILE}
+#import umbravox::tile_table::wrapped_texel
+#import umbravox::dsm_directory::{head_of, heads_around, NO_HEAD}
 #ifdef ALIGN
 #import umbravox::align::alignment
 #endif
-#import umbravox::dsm_layout::{params, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MAX_ROWS}
-
-// Rows of curve nodes, two texels each: seven nodes and the link to the next row.
-@group(1) @binding(3) var node_rows: texture_2d<u32>;
-
-// Visibility function of one texel: its first row, and the first four curve nodes.
-struct Texel {
-    row: u32,
-    head: vec4<u32>,
+#import umbravox::dsm_layout::{
+    params, quad_texel, node_step, node_transmittance, CONTINUES, FILLER, DEPTH_STEPS, MAX_NODES
 }
+
+// Quads of curve nodes: the heads of texels, and the tail quads of those with more than four nodes.
+@group(1) @binding(3) var quads: texture_2d<u32>;
 
 // Largest depth of a query in steps: half a step past the end of the map, in front of the filler.
 const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
 
-fn texel_at(row: u32) -> Texel {
-    if row == NO_TILE { return Texel(NO_ROW, vec4<u32>(0xffffffffu)); }
+// Returns the first curve nodes of a texel.
+fn first_nodes(head: u32) -> vec4<u32> {
+    if head == NO_HEAD { return vec4<u32>(0xffffffffu); }
     count_work(LOADS, 1u);
-    return Texel(row, textureLoad(node_rows, row_texel(row), 0));
+    return textureLoad(quads, quad_texel(head), 0);
 }
 
 // Curve nodes before and after a depth.
@@ -40,45 +38,43 @@ fn narrowed(before: u32, nodes: vec4<u32>, passed: vec4<bool>) -> Around {
     return Around(select(first, nodes.w, passed.w), next);
 }
 
-// Returns the transmittance of one texel at a depth in steps.
-fn texel_transmittance(texel: Texel, step: f32) -> f32 {
+// Returns the transmittance of one texel at a depth in steps, from its first curve nodes.
+fn texel_transmittance(first: vec4<u32>, step: f32) -> f32 {
     let limit = u32(step);
-    var row = texel.row;
-    var passed = (texel.head >> vec4<u32>(16u)) <= vec4<u32>(limit);
+    let has_tail = (first.x & CONTINUES) != 0u;
+    let nodes = select(first, first.xyzz, has_tail);
+    var passed = (nodes >> vec4<u32>(16u)) <= vec4<u32>(limit);
     // Before the first node the transmittance is 1.
-    let outside = !passed.x || row == NO_ROW;
-    var around = narrowed(FILLER, texel.head, passed);
-    // Linear search by half rows, without branches inside them: rows are short, and few texels have a second one.
-    var searching = passed.w && row != NO_ROW;
-    var tail = true;
-    for (var half_row = 1u; half_row < 2u * MAX_ROWS; half_row++) {
+    let outside = !passed.x;
+    var around = narrowed(FILLER, nodes, passed);
+    // Linear search by quads, without branches inside them: few texels have a second tail quad.
+    var searching = passed.w && has_tail;
+    var quad = first.w;
+    for (var i = 0u; i < MAX_NODES / 4u; i++) {
         if searching {
             count_work(LOADS, 1u);
-            let words = textureLoad(node_rows, row_texel(row) + vec2<u32>(select(0u, 1u, tail), 0u), 0);
-            // The last word of a row links to the next.
-            let nodes = select(words, words.xyzz, tail);
-            passed = (nodes >> vec4<u32>(16u)) <= vec4<u32>(limit);
-            around = narrowed(around.before, nodes, passed);
-            row = select(row, words.w, tail);
-            searching = passed.w && row != NO_ROW;
-            tail = !tail;
+            let words = textureLoad(quads, quad_texel(quad), 0);
+            passed = (words >> vec4<u32>(16u)) <= vec4<u32>(limit);
+            around = narrowed(around.before, words, passed);
+            searching = passed.w && (words.w & CONTINUES) != 0u;
+            quad += 1u;
         }
         if !searching { break; }
     }
-    let a = f32(around.before >> 16u);
-    let b = f32(around.after >> 16u);
+    let a = f32(node_step(around.before));
+    let b = f32(node_step(around.after));
     let w = clamp((step - a) / max(b - a, 1e-6), 0.0, 1.0);
-    let stored = mix(f32(around.before & 0xffffu), f32(around.after & 0xffffu), w) / 65535.0;
+    let stored = mix(node_transmittance(around.before), node_transmittance(around.after), w);
     return select(stored, 1.0, outside);
 }
 
 #ifdef FILTER_BILINEAR
-// The four texels around a point with their weights, and the depth of the point in steps.
+// First curve nodes of the four texels around a point with their weights, and the depth of the point in steps.
 struct Corners {
-    a: Texel,
-    b: Texel,
-    c: Texel,
-    d: Texel,
+    a: vec4<u32>,
+    b: vec4<u32>,
+    c: vec4<u32>,
+    d: vec4<u32>,
     weights: vec4<f32>,
     step: f32,
     // Shift that aligns the depth of the point in each texel, and its largest value for any weights.
@@ -90,14 +86,14 @@ struct Corners {
 fn corners_around(texel: vec2<f32>, step: f32) -> Corners {
     let base = vec2<i32>(floor(texel));
     let w = texel - vec2<f32>(base);
-    let records = records_around(base);
-    let a = texel_at(records.x);
-    let b = texel_at(records.y);
-    let c = texel_at(records.z);
-    let d = texel_at(records.w);
+    let heads = heads_around(base);
+    let a = first_nodes(heads.x);
+    let b = first_nodes(heads.y);
+    let c = first_nodes(heads.z);
+    let d = first_nodes(heads.w);
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
 #ifdef ALIGN
-    let starts = vec4<u32>(a.head.x, b.head.x, c.head.x, d.head.x) >> vec4<u32>(16u);
+    let starts = vec4<u32>(a.x, b.x, c.x, d.x) >> vec4<u32>(16u);
     let mm_per_step = 1.0 / params.depth_steps_per_mm;
     let aligned = alignment(vec4<f32>(starts) * mm_per_step, starts < vec4<u32>(FILLER), weights, step * mm_per_step);
     let most_shift = aligned.most * params.depth_steps_per_mm;
@@ -140,8 +136,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let around = corners_around(p.texel, step);
     return dot(around.weights, corner_transmittances(around, around.shift));
 #else
-    let texel = texel_at(record_of(wrapped_texel(vec2<i32>(round(p.texel)))));
-    return texel_transmittance(texel, clamp(step, 0.0, LAST_STEP));
+    let first = first_nodes(head_of(wrapped_texel(vec2<i32>(round(p.texel)))));
+    return texel_transmittance(first, clamp(step, 0.0, LAST_STEP));
 #endif
 }
 

@@ -1,26 +1,13 @@
 // Writer of the nodes of one texel: rows of seven nodes and a link to the next row.
-//
-// A node is one word: depth within the map's range in the upper 16 bits, transmittance in the lower 16.
-#define_import_path umbravox::dsm_rows
+#define_import_path umbravox::curve_nodes
 
+#import umbravox::light::light
 #import umbravox::watch::report_iteration_limit
-#import umbravox::dsm_layout::{params, row_texel, NO_ROW, ROW_NODES, DEPTH_STEPS, FILLER}
-
-struct Counters {
-    // Number of rows requested beyond the first rows of texels, including those that the pool could not provide.
-    overflow_rows: atomic<u32>,
-    nodes_total: atomic<u32>,
-    nodes_max: atomic<u32>,
-    // Number of texels whose ray meets extinction.
-    texels_hit: atomic<u32>,
-    // Number of texels whose ray was not marched to its end, since software adapters end long loops.
-    texels_cut: atomic<u32>,
-    // Number of texels whose error tunnel was narrowed because a hull was full.
-    texels_narrowed: atomic<u32>,
-}
+#import umbravox::dsm_layout::{params, node_word, node_transmittance, DEPTH_STEPS, FILLER}
+#import umbravox::dsm_row_layout::{row_texel, NO_ROW, ROW_NODES}
+#import umbravox::dsm_counters::{counters, blocks, block_of_record, bit_of_record}
 
 @group(2) @binding(1) var node_texture: texture_storage_2d<rgba32uint, write>;
-@group(2) @binding(2) var<storage, read_write> counters: Counters;
 // For each built tile, in the order of records: number of rows requested beyond its first rows, and of texels that
 // did not get all rows.
 @group(2) @binding(3) var<storage, read_write> requested_rows: array<atomic<u32>>;
@@ -41,7 +28,7 @@ struct Rows {
 // The rows of this thread: naga passes no pointers to parts of variables.
 var<private> rows: Rows;
 
-fn start_rows(row: u32) {
+fn start_nodes(row: u32) {
     rows = Rows(row, row, 0u, 0u, vec4<u32>(0u));
 }
 
@@ -61,12 +48,11 @@ fn put(word: u32) {
 
 // Stores a curve node at a depth in steps of the map's range, and returns its rounded transmittance.
 fn store_node(depth: f32, t: f32) -> f32 {
-    let step = u32(clamp(round(depth), 0.0, DEPTH_STEPS));
-    let stored = u32(round(clamp(t, 0.0, 1.0) * 65535.0));
+    let node = node_word(u32(clamp(round(depth), 0.0, DEPTH_STEPS)), t);
     // A full row gets its link first. The loop keeps the code of the store in the program once.
     for (var i = 0; i < 2; i++) {
         let full = rows.used == ROW_NODES;
-        var word = (step << 16u) | stored;
+        var word = node;
         var next = NO_ROW;
         if full {
             // Rows beyond the pool are counted, too, so that the host knows how far to grow it.
@@ -80,7 +66,17 @@ fn store_node(depth: f32, t: f32) -> f32 {
         rows.used = 0u;
     }
     rows.count += 1u;
-    return f32(stored) / 65535.0;
+    return node_transmittance(node);
+}
+
+// Stores a curve node at a depth in mm, and returns its rounded transmittance.
+fn store_point(z: f32, t: f32) -> f32 {
+    return store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, t);
+}
+
+// Returns the largest error in transmittance that compression may make.
+fn largest_error() -> f32 {
+    return params.epsilon;
 }
 
 // Reports a ray that was not marched to its end.
@@ -99,7 +95,7 @@ fn count_narrowed() {
 struct WorkgroupSums {
     nodes_total: atomic<u32>,
     nodes_max: atomic<u32>,
-    texels_hit: atomic<u32>,
+    quads_needed: atomic<u32>,
     requested_rows: atomic<u32>,
     incomplete: atomic<u32>,
 }
@@ -110,11 +106,11 @@ var<workgroup> sums: WorkgroupSums;
 // workgroup's tile.
 fn add_counts(record: u32, thread: u32) {
     workgroupBarrier();
-    let texels_hit = atomicLoad(&sums.texels_hit);
-    if thread == 0u && texels_hit > 0u {
+    let quads_needed = atomicLoad(&sums.quads_needed);
+    if thread == 0u && quads_needed > 0u {
         atomicAdd(&counters.nodes_total, atomicLoad(&sums.nodes_total));
         atomicMax(&counters.nodes_max, atomicLoad(&sums.nodes_max));
-        atomicAdd(&counters.texels_hit, texels_hit);
+        atomicAdd(&counters.quads_needed, quads_needed);
         let tile = record / TILE_TEXELS;
         atomicAdd(&requested_rows[2u * tile], atomicLoad(&sums.requested_rows));
         atomicAdd(&requested_rows[2u * tile + 1u], atomicLoad(&sums.incomplete));
@@ -122,20 +118,23 @@ fn add_counts(record: u32, thread: u32) {
 }
 #endif
 
-// Adds the rows of a texel to the counters.
+// Adds the rows of a texel to the counters, and the texel to its block.
 fn count_rows() {
     let requested = (rows.count - 1u) / ROW_NODES;
     let incomplete = select(0u, 1u, rows.row == NO_ROW);
+    // A head holds four nodes, or three in front of tail quads.
+    let quads_needed = 1u + select(0u, rows.count / 4u, rows.count > 4u);
+    atomicOr(&blocks[block_of_record(rows.record)].mask, 1u << bit_of_record(rows.record));
 #ifdef WORKGROUP_SUMS
     atomicAdd(&sums.nodes_total, rows.count);
     atomicMax(&sums.nodes_max, rows.count);
-    atomicAdd(&sums.texels_hit, 1u);
+    atomicAdd(&sums.quads_needed, quads_needed);
     atomicAdd(&sums.requested_rows, requested);
     atomicAdd(&sums.incomplete, incomplete);
 #else
     atomicAdd(&counters.nodes_total, rows.count);
     atomicMax(&counters.nodes_max, rows.count);
-    atomicAdd(&counters.texels_hit, 1u);
+    atomicAdd(&counters.quads_needed, quads_needed);
     // Not in `store_node`: llvmpipe of Mesa 22.3 crashes on atomics in loops whose addresses differ between lanes.
     let tile = rows.record / TILE_TEXELS;
     atomicAdd(&requested_rows[2u * tile], requested);
@@ -143,12 +142,14 @@ fn count_rows() {
 #endif
 }
 
-// Updates the counters and fills the row, so that a search needs no node count; `t` is the transmittance of the last
+// Updates the counters and fills the row, so that its node count need not be stored; `t` is the transmittance of the last
 // node.
-fn finish_rows(t: f32) {
-    if rows.count > 0u { count_rows(); }
+fn finish_nodes(t: f32) {
+    // Rows of texels without nodes are not read.
+    if rows.count == 0u { return; }
+    count_rows();
     if rows.row == NO_ROW { return; }
-    let tail = (FILLER << 16u) | u32(round(t * 65535.0));
+    let tail = node_word(FILLER, t);
     for (var i = 0u; i <= ROW_NODES; i++) {
         if rows.used > ROW_NODES { break; }
         put(select(tail, NO_ROW, rows.used == ROW_NODES));

@@ -1,7 +1,7 @@
 // Sink that passes the visibility function of one ray to the compression, piece by piece.
 #define_import_path umbravox::sink
 
-#import umbravox::dsm_nodes::push
+#import umbravox::compression::push
 #import umbravox::dsm_layout::params
 #import umbravox::sums::{Sum, empty_sum, add_term}
 

@@ -10,12 +10,12 @@
 //
 // The chain of the ceiling is stored upside down, so that both are upper hulls and share their code. Depths are steps
 // of the map's range. docs/bound.md proves the minimum, and states the effect of full hulls.
-#define_import_path umbravox::dsm_nodes
+#define_import_path umbravox::compression
 
 #import umbravox::light::light
 #import umbravox::watch::report_iteration_limit
 #import umbravox::dsm_layout::params
-#import umbravox::dsm_rows::{start_rows, store_node, finish_rows, count_narrowed}
+#import umbravox::curve_nodes::{start_nodes, store_node, finish_nodes, count_narrowed}
 
 const VERTICAL: f32 = 1e30;
 // Largest number of corners of a hull; a power of two.
@@ -77,7 +77,7 @@ var<private> own_corners: u32;
 var<private> tunnel: Tunnel;
 
 fn start_writer(row: u32, thread: u32) {
-    start_rows(row);
+    start_nodes(row);
 #ifdef WORKGROUP_ARRAYS
     own_corners = thread;
 #endif
@@ -323,5 +323,5 @@ fn finish() {
         if !level { add_node(x, t); }
         if tunnel.narrowed { count_narrowed(); }
     }
-    finish_rows(tunnel.node_t);
+    finish_nodes(tunnel.node_t);
 }

@@ -1,9 +1,9 @@
-//! Build of a deep shadow map: parameters and counters of its pass, and the pool of rows of curve nodes.
+//! Build of a deep shadow map: parameters and counters of its passes, and the rows of curve nodes.
 
-use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES};
+use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_WIDTH_SHIFT, TILE_BLOCKS};
 use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, NodePool, NodePools, TILE_TEXELS, TileMarch};
+use crate::field::{BuildContext, NodePool, NodePoolSizes, NodePools, TILE_TEXELS, TileMarch};
 use crate::gpu::{Read, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer};
 use crate::shadow::keys::MarchBy;
 use crate::shadow::method::{BuildReport, Method, ShadowMap};
@@ -18,30 +18,85 @@ const LOOP_LIMIT_HINT: &str =
 /// Uniform buffer of the deep shadow map shaders; mirrors struct `Params` in `shaders/shadow/dsm/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct DsmParams {
+pub(super) struct DsmParams {
     epsilon: f32,
     longest_depth: f32,
     step_mm: f32,
-    tile_rows: u32,
+    pub(super) tile_rows: u32,
     pool_rows: u32,
     taps: u32,
     depth_offset_mm: f32,
     depth_steps_per_mm: f32,
     least_weight: f32,
-    padding: [f32; 3],
+    pub(super) quads: u32,
+    pub(super) quads_width_shift: u32,
+    padding: u32,
 }
 
 /// Counts of curve nodes, rows and texels that the GPU adds up while it builds a deep shadow map; mirrors struct
-/// `Counters` in `shaders/shadow/dsm/rows.wgsl`.
+/// `Counters` in `shaders/shadow/dsm/counters.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Counters {
+pub(super) struct Counters {
     overflow_rows: u32,
     nodes_total: u32,
     nodes_max: u32,
-    texels_hit: u32,
+    pub(super) quads_needed: u32,
     texels_cut: u32,
     texels_narrowed: u32,
+    texels_hit: u32,
+    quads: u32,
+    missing_rows: u32,
+}
+
+/// Buffers that the march of light rays fills: rows of curve nodes, counters, the rows requested by each tile, and the
+/// mask of texels with nodes for each block.
+pub(super) struct RowOutputs {
+    pub(super) rows: Arc<NodePool>,
+    pub(super) counters: wgpu::Buffer,
+    requested: wgpu::Buffer,
+    pub(super) blocks: wgpu::Buffer,
+}
+
+impl RowOutputs {
+    /// Creates the outputs for a number of tiles. `overflow_rows` rows of the pool are in use.
+    fn new(context: &BuildContext<'_>, rows: &Arc<NodePool>, tiles: u32, overflow_rows: u32) -> Result<Self> {
+        let (gpu, tiles) = (context.gpu(), u64::from(tiles));
+        let counters = Counters { overflow_rows, ..Zeroable::zeroed() };
+        Ok(Self {
+            rows: Arc::clone(rows),
+            counters: StorageBuffer::from_slice(gpu, "deep shadow map counters", &[counters])?,
+            requested: StorageBuffer::zeroed(gpu, "requested rows", 8 * tiles)?,
+            blocks: StorageBuffer::zeroed(gpu, "blocks with nodes", 8 * u64::from(TILE_BLOCKS) * tiles)?,
+        })
+    }
+
+    /// Returns the request for the counters of the build.
+    pub(super) fn counts(&self) -> Read<'_> {
+        Read { buffer: &self.counters, words: size_of::<Counters>() / 4 }
+    }
+}
+
+/// Rows of curve nodes of all light rays, as the march stored them.
+pub(super) struct BuiltRows {
+    pub(super) outputs: RowOutputs,
+    pub(super) params: DsmParams,
+    device: Span,
+    /// Counts of the build; `None` if it is deferred.
+    pub(super) counted: Option<Counters>,
+    pool_growths: u32,
+}
+
+impl BuiltRows {
+    fn bytes(&self) -> u64 {
+        let RowOutputs { rows, counters, requested, blocks } = &self.outputs;
+        u64::from(rows.quads) * QUAD_BYTES + counters.size() + requested.size() + blocks.size()
+    }
+}
+
+/// Returns the size of a pool for a map with `texels` texels, from the size that the last build needed for each texel.
+pub(super) fn with_reserve(share: f64, texels: u32) -> u32 {
+    (share * 1.125 * f64::from(texels)) as u32 + texels / 64
 }
 
 impl DeepShadowMap {
@@ -59,7 +114,9 @@ impl DeepShadowMap {
             depth_steps_per_mm: steps_per_mm as f32,
             least_weight: least_weight(&tiles.light_space.rounding(context.volume, context.transfer.clips))
                 as f32,
-            padding: [0.0; 3],
+            quads: 0,
+            quads_width_shift: 0,
+            padding: 0,
         }
     }
 
@@ -68,99 +125,104 @@ impl DeepShadowMap {
     /// # Errors
     /// The adapter cannot hold the map, or it ended light rays early.
     pub(super) fn build_map(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let gpu = context.gpu();
-        let settings = self.spec().to_string();
-        let known = context.node_pools.last_size(&settings);
-        // The pool of the first build is often too small.
+        let known = context.node_pools.last_sizes(&self.spec().to_string());
+        // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;
-        let mut params = self.params_on_device(context, &tiles);
-        // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
-        // quarter more rows than texels suffices for most scenes.
-        let more = |share: f64| (share * 1.125 * f64::from(params.tile_rows)) as u32 + params.tile_rows / 64;
-        let pool_rows = params.tile_rows + known.map_or(params.tile_rows / 4, more);
-        let mut pool = node_pool(context, pool_rows)?;
-        params.pool_rows = pool.rows;
-        let requested = StorageBuffer::zeroed(gpu, "requested rows", 8 * u64::from(tiles.built))?;
-        let (mut device, counters) =
-            self.fill(context, &tiles, None, &params, (&pool.view, &requested), Counters::zeroed())?;
-        let mut overflow_rows = counters.map_or(0, |counters| counters.overflow_rows);
-        let mut pool_growths = 0;
-        if params.tile_rows + overflow_rows > params.pool_rows {
-            // Complete tiles stay; tiles that lack rows are built again into rows appended to the pool.
-            let rows = read_back::<[u32; 2]>(gpu, &requested, tiles.built as usize)?;
-            let short: Vec<usize> = (0..rows.len()).filter(|place| rows[*place][1] > 0).collect();
-            let missing: u32 = short.iter().map(|place| rows[*place][0]).sum();
-            let before = params.pool_rows;
-            let context = &context.at_once();
-            let larger = node_pool(context, before + missing)?;
-            params.pool_rows = larger.rows;
-            copy_rows(gpu, &pool.view, &larger.view, before / (NODE_TEXTURE_WIDTH / 2))?;
-            pool = larger;
-            let used = Counters { overflow_rows: before - params.tile_rows, ..Zeroable::zeroed() };
-            let (took, counted) =
-                self.fill(context, &tiles, Some(&short), &params, (&pool.view, &requested), used)?;
-            device = device.plus(took);
-            overflow_rows = counted.map_or(0, |counters| counters.overflow_rows);
-            pool_growths = 1;
-            if params.tile_rows + overflow_rows > params.pool_rows {
-                let why = "tiles that were built again requested more rows than at first";
-                return Err(Error::runtime("cannot build the deep shadow map", self.params(), why));
-            }
-        }
-        let uniform = uniform_buffer(gpu, "deep shadow map", &params);
+        let rows = self.build_rows(context, &tiles, known)?;
         let left_out = tiles.tiles - tiles.built;
+        let (build_bytes, pool_growths, device) = (rows.bytes(), rows.pool_growths, rows.device);
+        let nodes = self.compact(context, &tiles, rows, known)?;
         let mut report = BuildReport {
-            device: Some(device),
-            bytes: u64::from(params.pool_rows) * ROW_BYTES + tiles.table_bytes(),
-            bytes_used: u64::from(params.tile_rows) * ROW_BYTES + tiles.table_bytes(),
-            guessed: known.is_none(),
+            device: Some(device.plus(nodes.device)),
+            bytes: nodes.bytes(&tiles),
+            bytes_used: nodes.directory_bytes() + tiles.table_bytes(),
+            build_bytes,
             tiles: tiles.tiles,
             tiles_left_out: left_out,
-            bytes_left_out: u64::from(left_out * TILE_TEXELS) * ROW_BYTES,
+            bytes_left_out: u64::from(left_out * TILE_TEXELS * ROW_QUADS) * QUAD_BYTES,
             pool_growths,
             ..Default::default()
         };
-        if let Some(counters) = counters {
-            self.add_counts(&mut report, &counters, context.node_pools);
-            report.bytes_used += u64::from(overflow_rows) * ROW_BYTES;
+        if let Some(words) = &nodes.counted {
+            self.add_counts(&mut report, &self.counters(words)?, context.node_pools);
         }
         Ok(ShadowMap {
             method: NAME,
-            group: tiles.group(
-                "deep shadow map",
-                &[(1, context.kernels.uniform(&uniform)), (3, Slot::words(&pool.view))],
-            ),
+            group: nodes.group(context, &tiles),
             lookup: self.lookup(),
             report,
             bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
-            _pool: Some(pool),
+            _pool: Some(nodes.pool),
         })
     }
 
-    /// Builds the given tiles of a deep shadow map (`None` for all), and stores their curve nodes as rows in a
-    /// texture; `counters` holds the number of rows in use. Returns the counts of the build, unless it is deferred.
+    /// Marches all light rays, and stores the nodes of their compressed curves in rows.
+    fn build_rows(
+        &self,
+        context: &BuildContext<'_>,
+        tiles: &TileMarch<'_>,
+        known: Option<NodePoolSizes>,
+    ) -> Result<BuiltRows> {
+        let gpu = context.gpu();
+        let mut params = self.params_on_device(context, tiles);
+        // Starts with the rows of the last build and a reserve, since the light may have moved. In the first build, a
+        // quarter more rows than texels suffices for most scenes.
+        let extra =
+            known.map_or(params.tile_rows / 4, |sizes| with_reserve(sizes.overflow_rows, params.tile_rows));
+        let mut pool = row_pool(context, params.tile_rows + extra)?;
+        params.pool_rows = pool.quads / ROW_QUADS;
+        let outputs = |pool, used: u32| RowOutputs::new(context, pool, tiles.built, used);
+        let mut first = outputs(&pool, 0)?;
+        let (mut device, counted) = self.fill(context, tiles, None, &params, &first)?;
+        let mut pool_growths = 0;
+        let overflow_rows = counted.map_or(0, |counters| counters.overflow_rows);
+        if params.tile_rows + overflow_rows > params.pool_rows {
+            // Complete tiles stay; tiles that lack rows are built again into rows appended to the pool.
+            let requested = read_back::<[u32; 2]>(gpu, &first.requested, tiles.built as usize)?;
+            let short: Vec<usize> = (0..requested.len()).filter(|place| requested[*place][1] > 0).collect();
+            let missing: u32 = short.iter().map(|place| requested[*place][0]).sum();
+            let before = params.pool_rows;
+            let context = &context.at_once();
+            let larger = row_pool(context, before + missing)?;
+            params.pool_rows = larger.quads / ROW_QUADS;
+            copy_rows(gpu, &pool.view, &larger.view, (before * ROW_QUADS) >> ROWS_WIDTH_SHIFT)?;
+            let again = outputs(&larger, before - params.tile_rows)?;
+            let (took, counted) = self.fill(context, tiles, Some(&short), &params, &again)?;
+            device = device.plus(took);
+            pool_growths = 1;
+            let overflow_rows = counted.map_or(0, |counters| counters.overflow_rows);
+            if params.tile_rows + overflow_rows > params.pool_rows {
+                let why = "tiles that were built again requested more rows than at first";
+                return Err(Error::runtime("cannot build the deep shadow map", self.params(), why));
+            }
+            pool = larger;
+        }
+        first.rows = pool;
+        Ok(BuiltRows { outputs: first, params, device, counted, pool_growths })
+    }
+
+    /// Builds the given tiles of a deep shadow map (`None` for all), and stores their curve nodes as rows. Returns the
+    /// counts of the build, unless it is deferred.
     fn fill(
         &self,
         context: &BuildContext<'_>,
         tiles: &TileMarch<'_>,
         some: Option<&[usize]>,
         params: &DsmParams,
-        (nodes, requested): (&wgpu::TextureView, &wgpu::Buffer),
-        counters: Counters,
+        outputs: &RowOutputs,
     ) -> Result<(Span, Option<Counters>)> {
-        let gpu = context.gpu();
-        let params = uniform_buffer(gpu, "deep shadow map", params);
-        let counters = StorageBuffer::from_slice(gpu, "deep shadow map counters", &[counters])?;
+        let params = uniform_buffer(context.gpu(), "deep shadow map", params);
         let stage = [
-            (1, Slot::store(nodes, NODE_FORMAT)),
-            (2, Slot::read_write(counters.as_entire_binding())),
-            (3, Slot::read_write(requested.as_entire_binding())),
+            (1, Slot::store(&outputs.rows.view, NODE_FORMAT)),
+            (2, Slot::read_write(outputs.counters.as_entire_binding())),
+            (3, Slot::read_write(outputs.requested.as_entire_binding())),
+            (4, Slot::read_write(outputs.blocks.as_entire_binding())),
         ];
         let params = [(1, context.kernels.uniform(&params))];
         let (label, shader) = ("deep shadow map build", self.build_shader());
-        let read = Read { buffer: &counters, words: size_of::<Counters>() / 4 };
+        let read = outputs.counts();
         let ran = match some {
             None => tiles.run(label, &shader, &params, &stage, Some(read)),
             Some(places) => tiles.run_again(places, label, &shader, &params, &stage, Some(read)),
@@ -170,7 +232,7 @@ impl DeepShadowMap {
         Ok((span, words.map(|words| self.counters(&words)).transpose()?))
     }
 
-    /// Completes the report of a map whose build was deferred. Returns `false` if the pool of rows was too small.
+    /// Completes the report of a map whose build was deferred. Returns `false` if a pool of nodes was too small.
     ///
     /// # Errors
     /// The adapter ended light rays early.
@@ -182,8 +244,7 @@ impl DeepShadowMap {
     ) -> Result<bool> {
         let counters = self.counters(words)?;
         self.add_counts(report, &counters, pools);
-        report.bytes_used += u64::from(counters.overflow_rows) * ROW_BYTES;
-        Ok(report.bytes_used <= report.bytes)
+        Ok(counters.missing_rows == 0 && report.bytes_used <= report.bytes)
     }
 
     /// Decodes the counters of a build.
@@ -201,10 +262,15 @@ impl DeepShadowMap {
         Ok(counters)
     }
 
-    /// Adds the counts of a build to its report, and records the size of the pool that it needed.
+    /// Adds the counts of a build to its report, and records the sizes of the pools that it needed.
     fn add_counts(&self, report: &mut BuildReport, counters: &Counters, pools: &NodePools) {
-        let share = f64::from(counters.overflow_rows) / report.texels_built().max(1) as f64;
-        pools.learn_size(self.spec().to_string(), share);
+        let texels = report.texels_built().max(1) as f64;
+        let used = NodePoolSizes {
+            overflow_rows: f64::from(counters.overflow_rows) / texels,
+            quads: f64::from(counters.quads_needed) / texels,
+        };
+        pools.learn_sizes(self.spec().to_string(), used);
+        report.bytes_used += u64::from(counters.quads_needed) * QUAD_BYTES;
         report.nodes_total = Some(u64::from(counters.nodes_total));
         report.nodes_max = Some(u64::from(counters.nodes_max));
         report.texels_hit = Some(u64::from(counters.texels_hit));
@@ -213,22 +279,26 @@ impl DeepShadowMap {
     }
 }
 
+/// Creates or reuses the texture of the rows of curve nodes, with space for at least `rows` rows.
+fn row_pool(context: &BuildContext<'_>, rows: u32) -> Result<Arc<NodePool>> {
+    node_pool(context, rows * ROW_QUADS, ROWS_WIDTH_SHIFT)
+}
+
 /// Largest factor by which a reused pool may be too large while a light moves in a window.
 const POOL_SLACK: f64 = 1.25;
 
-/// Creates or reuses the texture that stores the rows of curve nodes of a deep shadow map: at least `rows` rows, in
-/// whole lines of texels. Only a window reuses pools: measured builds allocate their memory, like those of the other
-/// methods.
-fn node_pool(context: &BuildContext<'_>, rows: u32) -> Result<Arc<NodePool>> {
-    let rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
+/// Creates or reuses a texture of curve nodes with at least `quads` quads, in whole lines of texels. Only a window
+/// reuses pools: measured builds allocate their memory, like those of the other methods.
+pub(super) fn node_pool(context: &BuildContext<'_>, quads: u32, width_shift: u32) -> Result<Arc<NodePool>> {
+    let width = 1 << width_shift;
+    let quads = quads.max(1).next_multiple_of(width);
     let reuses = context.pace.is_limited();
-    let most = (POOL_SLACK * f64::from(rows)) as u32;
-    if let Some(pool) = reuses.then(|| context.node_pools.reuse(rows, most)).flatten() {
+    let most = (POOL_SLACK * f64::from(quads)) as u32;
+    if let Some(pool) = reuses.then(|| context.node_pools.reuse([quads, most], width_shift)).flatten() {
         return Ok(pool);
     }
-    let size = [NODE_TEXTURE_WIDTH, rows / (NODE_TEXTURE_WIDTH / 2)];
-    let view = store_texture(context.gpu(), "deep shadow map nodes", NODE_FORMAT, size)?;
-    let pool = Arc::new(NodePool { view, rows });
+    let view = store_texture(context.gpu(), "deep shadow map nodes", NODE_FORMAT, [width, quads / width])?;
+    let pool = Arc::new(NodePool { view, quads, width_shift });
     if reuses {
         context.node_pools.keep(&pool);
     }
@@ -243,9 +313,9 @@ mod tests {
     #[test]
     fn uniforms_match_their_shaders() {
         let build = DeepShadowMap::default().build_shader();
-        assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut,
-            texels_narrowed);
+        assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, quads_needed, texels_cut,
+            texels_narrowed, texels_hit, quads, missing_rows);
         assert_layout!(&build, "Params", DsmParams: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
-            depth_offset_mm, depth_steps_per_mm, least_weight);
+            depth_offset_mm, depth_steps_per_mm, least_weight, quads, quads_width_shift);
     }
 }

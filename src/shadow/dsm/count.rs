@@ -58,7 +58,7 @@ impl NodeMap {
 }
 
 pub(super) fn shader() -> ShaderVariant {
-    layout::shader("shadow/dsm/count.wgsl")
+    layout::map_shader("shadow/dsm/count.wgsl")
 }
 
 /// Counts the curve nodes in each texel of a deep shadow map; returns `None` for a shadow map of another method.
@@ -91,7 +91,7 @@ pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap
 }
 
 pub(super) fn steps_shader() -> ShaderVariant {
-    layout::shader("shadow/dsm/steps.wgsl")
+    layout::map_shader("shadow/dsm/steps.wgsl")
 }
 
 /// Returns the depths (mm, increasing away from the light) of all curve nodes of the given deep shadow map texels

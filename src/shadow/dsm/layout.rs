@@ -10,14 +10,23 @@ pub const NAME: &str = "dsm";
 /// Largest stored depth of a curve node, an integer that stands for the far end of a deep shadow map. The next
 /// integer marks unused entries behind a texel's last node.
 pub const DEPTH_STEPS: u32 = 65534;
-/// Number of curve nodes in one row, the unit of storage of a deep shadow map. Each row ends with a link to the next
-/// row of the same texel.
+/// Number of curve nodes in one row, the unit of storage during the build. Each row ends with a link to the next row of
+/// the same texel.
 pub const ROW_NODES: u32 = 7;
-/// Size of a row of curve nodes with its link, bytes.
-pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
-/// Width in texels of the texture that stores the curve nodes of a deep shadow map; a row of nodes takes two texels.
-pub const NODE_TEXTURE_WIDTH: u32 = 4096;
+/// Number of quads (four words) in a row of curve nodes with its link.
+pub const ROW_QUADS: u32 = (ROW_NODES + 1) / 4;
+/// Binary logarithm of the width, in texels, of the texture that stores rows of curve nodes.
+pub const ROWS_WIDTH_SHIFT: u32 = 12;
+/// Format of textures of curve nodes. A texel is a quad: four words.
 pub const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+/// Size of a quad, bytes.
+pub const QUAD_BYTES: u64 = 16;
+/// Format of the directory of a finished map, with one texel for each block of texels.
+pub const DIRECTORY_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+/// Size of a block of shadow map texels on each axis, texels.
+pub const BLOCK: [u32; 2] = [8, 4];
+/// Number of blocks in a tile of the shadow map.
+pub const TILE_BLOCKS: u32 = TILE_TEXELS / (BLOCK[0] * BLOCK[1]);
 
 /// Largest number of corners of each convex hull in Imai and Iri's simplification of a transmittance curve
 /// (`compress=optimal`); a power of two. One hull bounds the error band from above, the other from below.
@@ -31,17 +40,38 @@ const CONSTANTS: &[Constant] = &[
     Constant::float("UPRIGHT_STEPS", UPRIGHT_STEPS as f32),
     Constant::unsigned("NO_ROW", u32::MAX),
     Constant::unsigned("ROW_NODES", ROW_NODES),
-    Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
+    Constant::unsigned("ROWS_WIDTH", 1 << ROWS_WIDTH_SHIFT),
     Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
-    Constant::unsigned("MAX_ROWS", 2 * (DEPTH_STEPS + 1) / ROW_NODES + 2),
+    Constant::unsigned("MAX_NODES", 2 * (DEPTH_STEPS + 1)),
     Constant::unsigned("MAX_LATTICE_STEPS", MAX_LATTICE_STEPS),
     Constant::unsigned("FILLER", DEPTH_STEPS + 1),
     Constant::unsigned("TILE_TEXELS", TILE_TEXELS),
     Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
 ];
 
-/// Returns the shader with the given entry file, together with the code for the memory layout of deep shadow map
-/// nodes.
-pub fn shader(entry: &'static str) -> ShaderVariant {
+/// WGSL modules of the rows that a build writes, and of its counters.
+const ROW_MODULES: [&str; 2] = ["shadow/dsm/row_layout.wgsl", "shadow/dsm/counters.wgsl"];
+
+fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
+}
+
+/// Returns a shader that reads the curve nodes of a finished map, through its directory.
+pub fn map_shader(entry: &'static str) -> ShaderVariant {
+    shader(entry).modules(&["shadow/dsm/directory.wgsl"])
+}
+
+/// Returns a shader of the build: it writes rows of curve nodes.
+pub fn rows_shader(entry: &'static str) -> ShaderVariant {
+    shader(entry).modules(&ROW_MODULES)
+}
+
+/// Returns the shader that writes the directory of a map.
+pub fn allocate_shader() -> ShaderVariant {
+    map_shader("shadow/dsm/allocate.wgsl").modules(&ROW_MODULES)
+}
+
+/// Returns the shader that copies curve nodes from rows to the finished map.
+pub fn compact_shader() -> ShaderVariant {
+    rows_shader("shadow/dsm/compact.wgsl")
 }

@@ -4,10 +4,13 @@
 //! after Lokovic and Veach 2000. Symbols: `epsilon` is the paper's error bound on transmittance.
 //!
 //! Deviations from the paper, and why:
-//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven curve nodes and a
-//!   link. Every texel of a tile that meets extinction has a first row. Further rows come from a pool that all tiles
-//!   share, so that one texel with many nodes does not enlarge its whole tile. If the pool is too small, it grows,
+//! * One compute pass compresses all light rays. The paper's passes of eight nodes each become rows of seven curve nodes
+//!   and a link. Every texel of a tile that may meet extinction has a first row. Further rows come from a pool that all
+//!   tiles share, so that one texel with many nodes does not enlarge its whole tile. If the pool is too small, it grows,
 //!   and the tiles that lack rows are built again.
+//! * A second pass copies the nodes of texels that have any to memory without gaps, and frees the rows: a head of four
+//!   words for each texel, and consecutive quads (four words) for those with more nodes. A directory of blocks of 8 x 4
+//!   texels leads to the heads.
 //! * Light rays are marched cell by cell instead of at regular steps. Inside a cell the value along a ray is a cubic,
 //!   and the pre-compressed transfer-function table gives the values at which extinction bends, so that no peak is
 //!   missed. `march=samples` takes the paper's regular steps, with the integrals of extinction between them.
@@ -16,7 +19,7 @@
 //! * `filter=bilinear` averages the transmittances of four texels, with `align=on` aligned at their first depths. With
 //!   `near`, the last voxels before a point are marched, and the result is clamped to the range of the four texels.
 //!   Neither changes rays through texel centres, and so neither changes the error bound.
-//! * A curve node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
+//! * A curve node has 4 bytes: 16-bit depth within the map's range, 15-bit transmittance, and a flag.
 //! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a
 //!   piecewise linear function*; 1988, *Polygonal approximations of a curve*) among the curves that begin with
 //!   extinction, stay within `epsilon` of the marched polyline, and are level behind their last node. The number of
@@ -26,12 +29,13 @@
 //! * `precompress=off` takes point samples of extinction at regular steps, as the paper's Figure 3 (left).
 
 mod build;
+mod compact;
 mod count;
 mod layout;
 
 pub use count::{NodeMap, node_depths, node_map};
 
-use layout::{DEPTH_STEPS, NAME, UPRIGHT_STEPS, shader};
+use layout::{DEPTH_STEPS, NAME, UPRIGHT_STEPS, map_shader, rows_shader};
 
 use super::keys::{
     ALIGN_KEY, Align, DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY,
@@ -41,7 +45,7 @@ use super::lookup::{Lookup, steepest_mm};
 use super::method::{Bound, BuildReport, Curve, Entry, Method, ShadowMap, Taps};
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
-use super::tolerances::{CHORD_TOLERANCE, march_bound};
+use super::tolerances::{CHORD_TOLERANCE, GREEDY, march_bound};
 use crate::error::Result;
 use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools, Rounding};
 use crate::gpu::ShaderVariant;
@@ -49,9 +53,9 @@ use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 
 /// Transmittance at which the march of a light ray ends (`exp(-OPAQUE_DEPTH)` of the shaders).
 const RAY_END: f64 = 1.0 / 2048.0;
-/// Bound on the error from rounding the transmittances at both ends of a line segment of a deep shadow map to 16
+/// Bound on the error from rounding the transmittances at both ends of a line segment of a deep shadow map to 15
 /// bits.
-const STORAGE: f64 = 1.0 / 65535.0;
+const STORAGE: f64 = 1.0 / 32767.0;
 
 /// Smallest `least_weight` of a shadow map: bilinear weight of a texel from which on its transmittance counts for the
 /// range of a query with `near`.
@@ -256,11 +260,11 @@ impl DeepShadowMap {
 
     fn build_shader(&self) -> ShaderVariant {
         let compress = match self.compress {
-            Compress::Greedy => "shadow/dsm/greedy.wgsl",
+            Compress::Greedy => GREEDY,
             Compress::Optimal => "shadow/dsm/tunnel.wgsl",
         };
         let modules = ["field/tiles.wgsl", "shadow/dsm/rows.wgsl", compress];
-        let shader = shader("shadow/dsm/build.wgsl").modules(&modules);
+        let shader = rows_shader("shadow/dsm/build.wgsl").modules(&modules);
         let shader = shader.defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
             (_, true) => {
@@ -287,7 +291,8 @@ impl Method for DeepShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let bilinear = self.filter == Filter::Bilinear;
-        let shader = shader("").with_alignment(self.align, self.filter).modules(&["shadow/dsm/lookup.wgsl"]);
+        let shader =
+            map_shader("").with_alignment(self.align, self.filter).modules(&["shadow/dsm/lookup.wgsl"]);
         let shader = shader.defs(bilinear.then_some("FILTER_BILINEAR"));
         let shader = shader.defs((self.near() > 0.0).then_some("KNOWN_RANGE"));
         Some(Lookup::new(shader).with_near(self.near()).with_lookup_mode(self.lookup))
@@ -299,7 +304,9 @@ impl Method for DeepShadowMap {
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.build_shader(), count::shader(), count::steps_shader()]
+        let finish = [layout::allocate_shader(), layout::compact_shader()];
+        let counts = [count::shader(), count::steps_shader()];
+        [self.build_shader()].into_iter().chain(finish).chain(counts).collect()
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

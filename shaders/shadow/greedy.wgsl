@@ -1,14 +1,15 @@
 // Greedy compression of one texel's visibility function (Lokovic & Veach 2000, 3.2; Hadwiger et al. 2006, 3.3).
 //
 // The slope is never positive, so the stored function never rises.
-#define_import_path umbravox::dsm_nodes
+#define_import_path umbravox::compression
 
 #import umbravox::light::light
 #import umbravox::watch::report_iteration_limit
-#import umbravox::dsm_layout::params
-#import umbravox::dsm_rows::{start_rows, nodes_stored, store_node, finish_rows}
+#import umbravox::curve_nodes::{start_nodes, nodes_stored, store_point, finish_nodes, largest_error}
 
 const STEEPEST: f32 = 1e30;
+// Difference of depths below which a line is vertical, as a share of the map's range.
+const VERTICAL_SHARE: f32 = 1.5e-8;
 // Largest number of iterations of a push: the first node, then the end of a line and its successor for the gap and
 // for the piece.
 const MAX_ITERATIONS: i32 = 8;
@@ -28,14 +29,14 @@ struct Writer {
 var<private> writer: Writer;
 
 fn start_writer(row: u32, thread: u32) {
-    start_rows(row);
+    start_nodes(row);
     writer = Writer(0.0, 1.0, -STEEPEST, STEEPEST, 0.0, 1.0);
 }
 
 // Stores a curve node and starts a new line there.
 fn emit(z: f32, t: f32) {
     // The line starts at the stored transmittance, so that rounding errors do not add up.
-    writer.origin_t = store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, t);
+    writer.origin_t = store_point(z, t);
     writer.origin_z = z;
     writer.slope_lo = -STEEPEST;
     writer.slope_hi = STEEPEST;
@@ -45,7 +46,7 @@ fn line_end() -> f32 {
     // Slope of the line: the middle of the allowed range, or its lower end near transmittance 0, so that opaque
     // matter casts full shadows.
     let middle = 0.5 * (writer.slope_lo + writer.slope_hi);
-    let slope = min(select(middle, writer.slope_lo, writer.last_t < params.epsilon), 0.0);
+    let slope = min(select(middle, writer.slope_lo, writer.last_t < largest_error()), 0.0);
     return clamp(writer.origin_t + slope * (writer.last_z - writer.origin_z), 0.0, writer.origin_t);
 }
 
@@ -64,12 +65,12 @@ fn push(z_from: f32, z_to: f32, t: f32) {
         let level = select(t, writer.last_t, gap);
         let dz = z - writer.origin_z;
         let first = nodes_stored() == 0u;
-        let vertical = dz * params.depth_steps_per_mm < 1e-3;
-        let lo = max(writer.slope_lo, (max(level - params.epsilon, 0.0) - writer.origin_t) / max(dz, 1e-12));
-        let hi = min(writer.slope_hi, (level + params.epsilon - writer.origin_t) / max(dz, 1e-12));
+        let vertical = dz < VERTICAL_SHARE * light.depth_range_mm;
+        let lo = max(writer.slope_lo, (max(level - largest_error(), 0.0) - writer.origin_t) / max(dz, 1e-12));
+        let hi = min(writer.slope_hi, (level + largest_error() - writer.origin_t) / max(dz, 1e-12));
         let fresh = writer.slope_hi == STEEPEST;
         let closed = lo > hi && !fresh && !vertical;
-        let step = vertical && abs(level - writer.origin_t) > params.epsilon;
+        let step = vertical && abs(level - writer.origin_t) > largest_error();
         let store = first || closed || step;
         let done = !(first || closed);
         if done && !vertical {
@@ -92,5 +93,5 @@ fn push(z_from: f32, z_to: f32, t: f32) {
 // Ends the last line, and fills the texel's row.
 fn finish() {
     if nodes_stored() > 0u && writer.last_z > writer.origin_z { emit(writer.last_z, line_end()); }
-    finish_rows(writer.origin_t);
+    finish_nodes(writer.origin_t);
 }

@@ -1,0 +1,110 @@
+//! Finished memory of a deep shadow map: its curve nodes without gaps, and the directory that leads to them.
+
+use super::DeepShadowMap;
+use super::build::{BuiltRows, DsmParams, node_pool, with_reserve};
+use super::layout::{
+    BLOCK, DIRECTORY_FORMAT, NODE_FORMAT, QUAD_BYTES, ROWS_WIDTH_SHIFT, allocate_shader, compact_shader,
+};
+use crate::error::Result;
+use crate::field::{BuildContext, NodePool, NodePoolSizes, TileMarch, line_of_workgroups};
+use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer};
+use std::sync::Arc;
+
+/// Curve nodes of a finished deep shadow map.
+pub(super) struct MapNodes {
+    pub(super) pool: Arc<NodePool>,
+    directory: wgpu::TextureView,
+    /// Number of blocks of texels on each axis.
+    blocks: [u32; 2],
+    params: DsmParams,
+    /// Words of the counters of the build; `None` if it is deferred.
+    pub(super) counted: Option<Vec<u32>>,
+    /// Duration of the passes that copied the nodes.
+    pub(super) device: Span,
+}
+
+impl MapNodes {
+    /// Returns the memory that queries of the map can read, bytes.
+    pub(super) fn bytes(&self, tiles: &TileMarch<'_>) -> u64 {
+        u64::from(self.pool.quads) * QUAD_BYTES + self.directory_bytes() + tiles.table_bytes()
+    }
+
+    /// Returns the memory of the directory, bytes.
+    pub(super) fn directory_bytes(&self) -> u64 {
+        let [columns, rows] = self.blocks.map(u64::from);
+        8 * columns * rows
+    }
+
+    /// Creates bind group 1 of queries.
+    pub(super) fn group(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Group {
+        let params = uniform_buffer(context.gpu(), "deep shadow map", &self.params);
+        let own = [
+            (1, context.kernels.uniform(&params)),
+            (3, Slot::words(&self.pool.view)),
+            (4, Slot::words(&self.directory)),
+        ];
+        tiles.group("deep shadow map", &own)
+    }
+}
+
+/// Returns the binary logarithm of the texture width for a number of quads: about their square root, so that the last
+/// line of the texture wastes little memory.
+fn width_shift(quads: u32) -> u32 {
+    quads.isqrt().next_power_of_two().ilog2().clamp(4, ROWS_WIDTH_SHIFT)
+}
+
+impl DeepShadowMap {
+    /// Copies the curve nodes of texels that have any from rows to memory without gaps.
+    ///
+    /// # Errors
+    /// The adapter cannot hold the map, or it is lost.
+    pub(super) fn compact(
+        &self,
+        context: &BuildContext<'_>,
+        tiles: &TileMarch<'_>,
+        rows: BuiltRows,
+        known: Option<NodePoolSizes>,
+    ) -> Result<MapNodes> {
+        let (gpu, mut params) = (context.gpu(), rows.params);
+        let texels = params.tile_rows;
+        let learned = known.map_or(0, |sizes| with_reserve(sizes.quads, texels));
+        let quads = rows.counted.map_or(learned, |counted| counted.quads_needed);
+        let pool = node_pool(context, quads, width_shift(quads))?;
+        (params.quads, params.quads_width_shift) = (pool.quads, pool.width_shift);
+        let side = tiles.light_space.map_size;
+        let blocks = BLOCK.map(|texels| side.div_ceil(texels));
+        let directory = store_texture(gpu, "deep shadow map directory", DIRECTORY_FORMAT, blocks)?;
+        let stage = [
+            (0, Slot::words(&rows.outputs.rows.view)),
+            (2, Slot::read_write(rows.outputs.counters.as_entire_binding())),
+            (4, Slot::read_write(rows.outputs.blocks.as_entire_binding())),
+            (5, Slot::store(&directory, DIRECTORY_FORMAT)),
+            (6, Slot::store(&pool.view, NODE_FORMAT)),
+        ];
+        let label = "deep shadow map compaction";
+        let uniform = uniform_buffer(gpu, "deep shadow map", &params);
+        let shadow = tiles.group(label, &[(1, context.kernels.uniform(&uniform))]);
+        let stage = context.kernels.group(label, &stage);
+        let passes = [
+            (&allocate_shader(), line_of_workgroups((blocks[0] * blocks[1]) as usize)),
+            (&compact_shader(), line_of_workgroups(texels as usize)),
+        ];
+        let read = rows.outputs.counts();
+        let is_deferred = rows.counted.is_none();
+        let (device, counted) = context.run_behind(label, &passes, [&shadow, &stage], read, is_deferred)?;
+        Ok(MapNodes { pool, directory, blocks, params, counted, device })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::width_shift;
+
+    #[test]
+    fn the_last_line_of_a_texture_is_a_small_part_of_it() {
+        assert_eq!([0, 1, 300, 30_000, 1 << 24, 1 << 30].map(width_shift), [4, 4, 5, 8, 12, 12]);
+        for quads in (10_000..1_000_000).step_by(997) {
+            assert!(f64::from(1 << width_shift(quads)) < 0.021 * f64::from(quads), "{quads}");
+        }
+    }
+}
