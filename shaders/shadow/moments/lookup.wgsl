@@ -6,8 +6,17 @@
 #import umbravox::moment_vectors::moments_of
 #import umbravox::moment_share::share_before
 
-// Optical depth up to which the transmittance counts as 1.
-const LEAST_DEPTH: f32 = 1e-7;
+// Optical depth, or absorbed light, up to which the transmittance counts as 1.
+const LEAST_MASS: f32 = 1e-7;
+
+// Returns the transmittance behind an optical depth, or behind matter that absorbs a share of the light.
+fn transmittance_behind(mass: f32) -> f32 {
+#ifdef LIGHT
+    return 1.0 - mass;
+#else
+    return exp(-mass);
+#endif
+}
 
 // Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
@@ -15,9 +24,9 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let point = atlas_point(p);
     if point.lit { return 1.0; }
     let moments = moments_of(point);
-    let optical_depth = moments.first.x;
-    if optical_depth <= LEAST_DEPTH { return 1.0; }
+    let mass = moments.first.x;
+    if mass <= LEAST_MASS { return 1.0; }
     let share = (p.z - light.depth_start_mm) / light.depth_range_mm;
-    if share >= 1.0 { return exp(-optical_depth); }
-    return exp(-optical_depth * share_before(moments.first, moments.second, moments.third, share));
+    if share >= 1.0 { return transmittance_behind(mass); }
+    return transmittance_behind(mass * share_before(moments.first, moments.second, moments.third, share));
 }

@@ -10,7 +10,8 @@ struct MomentParams {
     bias: f32,
     // Angle on the unit circle to which the end of the depth range is mapped.
     largest_angle: f32,
-    padding: f32,
+    // Largest optical depth of a piece at transmittance 1 whose chord stays within the error tolerance.
+    longest_depth: f32,
 }
 
 @group(1) @binding(5) var<uniform> params: MomentParams;

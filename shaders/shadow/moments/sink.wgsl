@@ -1,30 +1,41 @@
 // Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018, 3): the optical depth, and
-// the means over it of powers of the depth, or of points on the unit circle.
+// the means over it of powers of the depth, or of points on the unit circle. With LIGHT, absorbed light takes the place
+// of optical depth.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
 #import umbravox::vectors::vector_map
-#ifdef TRIGONOMETRIC
 #import umbravox::moments::params
-#endif
 
 const MOMENTS: u32 = #{MOMENTS};
 const FAR: f32 = #{FAR};
 
 struct Sink {
     optical_depth: f32,
+#ifdef LIGHT
+    transmittance: f32,
+#endif
 }
 
-// Optical depth, then each moment times the optical depth.
+// Optical depth or absorbed light, then each moment times it.
 var<private> sums: array<f32, #{MOMENTS} + 1>;
 
 fn start_sink(march: u32) -> Sink {
     for (var k = 0u; k <= MOMENTS; k++) { sums[k] = 0.0; }
+#ifdef LIGHT
+    return Sink(0.0, 1.0);
+#else
     return Sink(0.0);
+#endif
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+#ifdef LIGHT
+    // Absorbed light is spread evenly over a piece, which has to be short for that.
+    return params.longest_depth * inverseSqrt((*sink).transmittance);
+#else
     return FAR;
+#endif
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
@@ -34,7 +45,14 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     // The piece ends where the ray ends.
     let z_end = z_from + (z_to - z_from) * (d / depth);
     let to_share = (z_end - light.depth_start_mm) / light.depth_range_mm;
-    sums[0] += d;
+#ifdef LIGHT
+    let behind = exp(-((*sink).optical_depth + d));
+    let mass = (*sink).transmittance - behind;
+    (*sink).transmittance = behind;
+#else
+    let mass = d;
+#endif
+    sums[0] += mass;
 #ifdef TRIGONOMETRIC
     // The mean of e^(i k phi) over the piece is that at its middle times sin(k h) / (k h).
     let middle = 0.5 * params.largest_angle * (from_share + to_share);
@@ -42,8 +60,8 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     for (var k = 1u; 2u * k <= MOMENTS; k++) {
         let x = f32(k) * half;
         let narrowing = select(sin(x) / max(x, 1e-30), 1.0 - x * x / 6.0, x < 0.05);
-        sums[2u * k - 1u] += d * narrowing * cos(f32(k) * middle);
-        sums[2u * k] += d * narrowing * sin(f32(k) * middle);
+        sums[2u * k - 1u] += mass * narrowing * cos(f32(k) * middle);
+        sums[2u * k] += mass * narrowing * sin(f32(k) * middle);
     }
 #else
     // The mean of x^k from a to b is (a^k + a^(k-1) b + ... + b^k) / (k + 1).
@@ -54,7 +72,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     for (var k = 1u; k <= MOMENTS; k++) {
         power *= a;
         sum = sum * b + power;
-        sums[k] += d * sum / f32(k + 1u);
+        sums[k] += mass * sum / f32(k + 1u);
     }
 #endif
     (*sink).optical_depth += d;

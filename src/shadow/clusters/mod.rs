@@ -76,7 +76,7 @@ impl VectorMap for DensityClusters {
             // The first march finds the end of matter.
             defs: vec!["FROM_BEHIND"],
             marches: Some(1 + self.iterations),
-            sink: "shadow/clusters/sink.wgsl",
+            sink: &["shadow/clusters/sink.wgsl"],
             lookup: &["shadow/clusters/lookup.wgsl", TRANSMITTANCE_FILTER],
             lookup_mode: self.lookup,
             params: None,

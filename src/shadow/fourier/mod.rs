@@ -103,7 +103,7 @@ impl VectorMap for FourierOpacityMap {
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
             marches: texel_range.then_some(2),
-            sink: "shadow/fourier/sink.wgsl",
+            sink: &["shadow/fourier/sink.wgsl"],
             lookup: if texel_range { TEXEL_LOOKUP } else { MAP_LOOKUP },
             lookup_mode: self.lookup,
             params: None,

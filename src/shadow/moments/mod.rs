@@ -20,6 +20,8 @@
 //!   polynomial, not from an interpolating polynomial. They are positive and normalised to a sum of one, so that
 //!   transmittance stays between `exp(-b_0)` and 1. Roots are relative to the depth of the query, where they are
 //!   finite, also on the circle.
+//! * `measure=light` stores the moments of absorbed light, `-dT`, instead of optical depth, and the total absorbed light
+//!   instead of `b_0`. Averages of neighbouring texels are then averages of transmittance.
 //! * A point in the wrapping zone (a tenth of pi) counts by its angle.
 //! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle if matter lies close
 //!   to an end of the range. In float32 it also rises for powers in thin matter, whose moments are nearly those of
@@ -40,6 +42,7 @@ use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
+use super::tolerances::longest_depth;
 use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 use bytemuck::{Pod, Zeroable};
@@ -67,6 +70,16 @@ choices! {
     }
 }
 
+choices! {
+    /// Distribution along the light whose moments a moment shadow map stores.
+    pub enum MomentMeasure {
+        /// Stores the moments of optical depth, as the papers do.
+        OpticalDepth = "depth",
+        /// Stores the moments of absorbed light, which is the fall of transmittance along the light.
+        Light = "light",
+    }
+}
+
 settings! {
     /// Settings of a moment shadow map.
     pub struct MomentMap {
@@ -74,6 +87,8 @@ settings! {
         moments: u32 = Key::choice(&["4", "6", "8"], "6", "number of moments beside the optical depth (trigonometric: 2, 3 or 4 complex ones)").in_label().search_all(),
         /// Basis functions of the moments: powers of the depth, or of points on the unit circle.
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
+        /// Distribution along the light whose moments are stored: optical depth or absorbed light.
+        measure: MomentMeasure = Key::choice(MomentMeasure::NAMES, "depth", "distribution whose moments are stored: optical depth, or absorbed light (-dT)").search_all(),
         /// Position of the optical depth that a query returns between the smallest (0) and the largest (1) that the
         /// stored moments allow.
         beta: f64 = Key::number([0.0, 1.0], "0.25", "estimate between the smallest (0) and the largest (1) optical depth that the moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
@@ -96,7 +111,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(MomentMap::from_values(values)?)),
     compared: "moments:moments=6,8",
     curve: "moments",
-    stability: "moments:moments=4,8,map=64,near=0;moments:basis=trigonometric,map=64,near=0",
+    stability: "moments:moments=4,8,map=64,near=0;moments:measure=light,map=64,near=0;moments:basis=trigonometric,map=64,near=0",
     style: Style { color: [51, 34, 136], marker: Marker::Right },
 };
 
@@ -108,7 +123,7 @@ struct MomentParams {
     beta: f32,
     bias: f32,
     largest_angle: f32,
-    padding: f32,
+    longest_depth: f32,
 }
 
 impl MomentMap {
@@ -148,8 +163,9 @@ impl VectorMap for MomentMap {
             beta: self.beta as f32,
             bias: (self.bias * bias).min(1.0) as f32,
             largest_angle: std::f32::consts::TAU - CLOSING_ANGLE,
-            padding: 0.0,
+            longest_depth: longest_depth(),
         };
+        let light = (self.measure == MomentMeasure::Light).then_some("LIGHT");
         let circle = self.basis == Basis::Trigonometric;
         let degree = match self.moments {
             4 => "DEGREE_2",
@@ -168,9 +184,9 @@ impl VectorMap for MomentMap {
                 Constant::unsigned("MOMENTS", self.moments),
                 Constant::float("LEAST_NORM", LEAST_NORM),
             ],
-            defs: [Some(degree), circle.then_some("TRIGONOMETRIC")].into_iter().flatten().collect(),
+            defs: [Some(degree), circle.then_some("TRIGONOMETRIC"), light].into_iter().flatten().collect(),
             marches: None,
-            sink: "shadow/moments/sink.wgsl",
+            sink: &["shadow/moments/sink.wgsl"],
             lookup: match (circle, self.in_words()) {
                 (true, false) => &[ROOTS, TRIGONOMETRIC, FLOATS, LOOKUP],
                 (false, false) => &[ROOTS, POWER, FLOATS, LOOKUP],
@@ -196,6 +212,7 @@ mod tests {
     #[test]
     fn uniforms_match_their_shaders() {
         let passes = parse_list("moments:basis=trigonometric").unwrap()[0].passes();
-        assert_layout!(&passes[0], "MomentParams", MomentParams: biased_moments, beta, bias, largest_angle);
+        assert_layout!(&passes[0], "MomentParams", MomentParams: biased_moments, beta, bias, largest_angle,
+            longest_depth);
     }
 }

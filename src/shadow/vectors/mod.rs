@@ -90,8 +90,9 @@ pub struct VectorMapDescriptor {
     pub defs: Vec<&'static str>,
     /// Number of times that the shadow map build marches each light ray; `None` for once.
     pub marches: Option<u32>,
-    /// File of the shader module `umbravox::sink`, which receives the matter along a light ray, interval by interval.
-    pub sink: &'static str,
+    /// File of the shader module `umbravox::sink`, which receives the matter along a light ray, interval by interval,
+    /// preceded by the modules that it imports.
+    pub sink: &'static [&'static str],
     /// Files of the shader module `umbravox::method` with the transmittance query, preceded by the modules that it
     /// imports.
     pub lookup: &'static [&'static str],
@@ -177,7 +178,8 @@ impl VectorMapDescriptor {
             .defs((self.storage == VectorStorage::Half).then_some("BITS_16"))
             .defs(self.marches.map(|_| "MARCHES"));
         let marches = Constant::unsigned("MARCHES", self.marches.unwrap_or(1));
-        shader.constants(&[marches]).with_march(self.shape.march, self.sink)
+        let [modules @ .., sink] = self.sink else { return shader };
+        shader.constants(&[marches]).modules(modules).with_march(self.shape.march, sink)
     }
 
     fn lookup(&self) -> Lookup {
@@ -288,7 +290,7 @@ mod tests {
             constants: vec![Constant::unsigned("TERMS", 3)],
             defs: Vec::new(),
             marches: None,
-            sink: "shadow/fourier/sink.wgsl",
+            sink: &["shadow/fourier/sink.wgsl"],
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             params: None,
             lookup_mode: Lookups::Shared,
