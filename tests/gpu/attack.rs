@@ -29,6 +29,11 @@ fn no_scene_violates_the_error_bound() {
 }
 
 #[test]
+fn no_scene_violates_the_error_bound_with_lines_of_transmittance() {
+    search(attack::setting("ATTACK_TRIES", SIZES.bound_search_scenes) / 4, "greedy,segments=transmittance");
+}
+
+#[test]
 fn no_scene_violates_the_error_bound_with_the_fewest_nodes() {
     search(attack::setting("ATTACK_TRIES", SIZES.bound_search_scenes) / 4, "optimal");
 }

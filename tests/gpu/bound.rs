@@ -54,10 +54,11 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &s
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-const METHODS: [&str; 5] = [
+const METHODS: [&str; 6] = [
     "rays",
     "dsm:epsilon=0.005,map=64",
     "dsm:epsilon=0.02,map=64,near=0",
+    "dsm:epsilon=0.02,map=64,segments=transmittance",
     "dsm:epsilon=0.005,compress=optimal,map=64",
     "dsm:epsilon=0.03,compress=optimal,map=64,near=0,align=on",
 ];

@@ -33,7 +33,7 @@ fn exact_polyline(field: &ExactField, map: &ShadowMap, texel: [u32; 2]) -> Optio
 /// Number of curve nodes of some texels together: greedy, optimal, and the fewest in float64.
 fn compared(setup: &Setup, epsilon: f64, map: u32, light: Light, stride: u32) -> [u64; 3] {
     let field = setup.exact();
-    let [greedy, optimal] = ["greedy", "optimal"]
+    let [greedy, optimal] = ["greedy,segments=transmittance", "optimal"]
         .map(|compress| setup.shadow(&format!("dsm:epsilon={epsilon},compress={compress},map={map}"), light));
     let of = |map: &ShadowMap| setup.session.node_map(map).unwrap().unwrap().nodes;
     let (greedy_nodes, optimal_nodes) = (of(&greedy), of(&optimal));
@@ -62,7 +62,7 @@ fn fewer_nodes_than_greedy_on_every_phantom() {
             let Some(setup) = Setup::open(&volume, tf) else { return };
             for (place, light) in lights(&volume) {
                 for epsilon in ["0.005", "0.02", "0.06"] {
-                    let [greedy, optimal] = ["greedy", "optimal"].map(|compress| {
+                    let [greedy, optimal] = ["greedy,segments=transmittance", "optimal"].map(|compress| {
                         let method = format!("dsm:epsilon={epsilon},compress={compress},map=64");
                         nodes_in_all(&setup, &method, light)
                     });
@@ -123,7 +123,7 @@ fn an_exponential_takes_the_lines_that_it_must() {
         }
         checked += 1;
         let map = setup.shadow(&format!("dsm:epsilon={epsilon},compress=optimal,map=32"), light);
-        let greedy = setup.shadow(&format!("dsm:epsilon={epsilon},map=32"), light);
+        let greedy = setup.shadow(&format!("dsm:epsilon={epsilon},segments=transmittance,map=32"), light);
         let found = map.report.nodes_total.unwrap() as f64 / map.report.texels_hit.unwrap() as f64;
         assert_eq!(found, f64::from(most), "epsilon {epsilon}");
         assert!(map.report.nodes_total < greedy.report.nodes_total, "epsilon {epsilon}");

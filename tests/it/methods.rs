@@ -125,6 +125,11 @@ const REFUSED: &[(&str, &str)] = &[
     ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
     ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, near, align, lookup"),
     ("moments:moments=5", "expected 4|6|8"),
+    ("dsm:segments=linear", "expected transmittance|optical_depth"),
+    (
+        "dsm:compress=optimal,segments=optical_depth",
+        "dsm:segments): it has an effect with compress=greedy only",
+    ),
     ("moments:measure=mass", "expected depth|light"),
     ("moments:beta=2", "expected 0..1"),
     ("moments:bias=-1", "expected 0..10000"),

@@ -60,7 +60,7 @@ fn store_point(z: f32, t: f32) -> f32 {
     return t;
 }
 
-fn finish_nodes(t: f32) {}
+fn finish_nodes(value: f32) {}
 
 // Returns a node of the curve, which is constant behind the last node.
 fn node(i: u32) -> vec2<f32> {

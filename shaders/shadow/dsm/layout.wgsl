@@ -1,6 +1,8 @@
 // Layout of a tiled deep shadow map (Hadwiger et al. 2006, 3.3 and 3.4). A curve node is one word: depth within the
-// map's range in the upper 16 bits, transmittance in the next 15, and a flag.
+// map's range in the upper 16 bits, transmittance or its logarithm in the next 15, and a flag.
 #define_import_path umbravox::dsm_layout
+
+#import umbravox::segments::LEAST_VALUE
 
 // Largest stored depth, which is the end of the map. The filler behind the last node of a texel lies one step farther.
 const DEPTH_STEPS: f32 = #{DEPTH_STEPS};
@@ -9,8 +11,13 @@ const FILLER: u32 = #{FILLER};
 const MAX_LATTICE_STEPS: u32 = #{MAX_LATTICE_STEPS};
 // Largest number of nodes of one texel: two for each depth step.
 const MAX_NODES: u32 = #{MAX_NODES};
-// Transmittance 1 as it is stored.
-const FULL_TRANSMITTANCE: f32 = 32767.0;
+// Value that the largest integer stands for; 0 stands for 0.
+#ifdef OPTICAL_DEPTH
+const FARTHEST_VALUE: f32 = LEAST_VALUE;
+#else
+const FARTHEST_VALUE: f32 = 1.0;
+#endif
+const LARGEST_INTEGER: f32 = 32767.0;
 // Flag in the first word of a head: its last word is the index of the texel's first tail quad. Flag in the last word
 // of a tail quad: the texel has another one behind it.
 const CONTINUES: u32 = 1u;
@@ -39,16 +46,18 @@ struct Params {
 
 @group(1) @binding(1) var<uniform> params: Params;
 
-fn node_word(step: u32, transmittance: f32) -> u32 {
-    return (step << 16u) | (u32(round(clamp(transmittance, 0.0, 1.0) * FULL_TRANSMITTANCE)) << 1u);
+// Returns the word of a node with a value: transmittance, or its logarithm (OPTICAL_DEPTH).
+fn node_word(step: u32, value: f32) -> u32 {
+    let share = clamp(value / FARTHEST_VALUE, 0.0, 1.0);
+    return (step << 16u) | (u32(round(share * LARGEST_INTEGER)) << 1u);
 }
 
 fn node_step(word: u32) -> u32 {
     return word >> 16u;
 }
 
-fn node_transmittance(word: u32) -> f32 {
-    return f32((word & 0xffffu) >> 1u) / FULL_TRANSMITTANCE;
+fn node_value(word: u32) -> f32 {
+    return f32((word & 0xffffu) >> 1u) * (FARTHEST_VALUE / LARGEST_INTEGER);
 }
 
 // Returns the position of a quad of nodes in the texture of the finished map.

@@ -8,8 +8,9 @@
 #ifdef ALIGN
 #import umbravox::align::alignment
 #endif
+#import umbravox::segments::segment_transmittance
 #import umbravox::dsm_layout::{
-    params, quad_texel, node_step, node_transmittance, CONTINUES, FILLER, DEPTH_STEPS, MAX_NODES
+    params, quad_texel, node_step, node_value, CONTINUES, FILLER, DEPTH_STEPS, MAX_NODES
 }
 
 // Quads of curve nodes: the heads of texels, and the tail quads of those with more than four nodes.
@@ -64,8 +65,8 @@ fn texel_transmittance(first: vec4<u32>, step: f32) -> f32 {
     let a = f32(node_step(around.before));
     let b = f32(node_step(around.after));
     let w = clamp((step - a) / max(b - a, 1e-6), 0.0, 1.0);
-    let stored = mix(node_transmittance(around.before), node_transmittance(around.after), w);
-    return select(stored, 1.0, outside);
+    let stored = mix(node_value(around.before), node_value(around.after), w);
+    return select(segment_transmittance(stored), 1.0, outside);
 }
 
 #ifdef FILTER_BILINEAR

@@ -3,7 +3,7 @@
 
 #import umbravox::light::light
 #import umbravox::watch::report_iteration_limit
-#import umbravox::dsm_layout::{params, node_word, node_transmittance, DEPTH_STEPS, FILLER}
+#import umbravox::dsm_layout::{params, node_word, node_value, DEPTH_STEPS, FILLER}
 #import umbravox::dsm_row_layout::{row_texel, NO_ROW, ROW_NODES}
 #import umbravox::dsm_counters::{counters, blocks, block_of_record, bit_of_record}
 
@@ -46,9 +46,9 @@ fn put(word: u32) {
     rows.used += 1u;
 }
 
-// Stores a curve node at a depth in steps of the map's range, and returns its rounded transmittance.
-fn store_node(depth: f32, t: f32) -> f32 {
-    let node = node_word(u32(clamp(round(depth), 0.0, DEPTH_STEPS)), t);
+// Stores a curve node at a depth in steps of the map's range, and returns its rounded value.
+fn store_node(depth: f32, value: f32) -> f32 {
+    let node = node_word(u32(clamp(round(depth), 0.0, DEPTH_STEPS)), value);
     // A full row gets its link first. The loop keeps the code of the store in the program once.
     for (var i = 0; i < 2; i++) {
         let full = rows.used == ROW_NODES;
@@ -66,12 +66,12 @@ fn store_node(depth: f32, t: f32) -> f32 {
         rows.used = 0u;
     }
     rows.count += 1u;
-    return node_transmittance(node);
+    return node_value(node);
 }
 
-// Stores a curve node at a depth in mm, and returns its rounded transmittance.
-fn store_point(z: f32, t: f32) -> f32 {
-    return store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, t);
+// Stores a curve node at a depth in mm, and returns its rounded value.
+fn store_point(z: f32, value: f32) -> f32 {
+    return store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, value);
 }
 
 // Returns the largest error in transmittance that compression may make.
@@ -142,14 +142,14 @@ fn count_rows() {
 #endif
 }
 
-// Updates the counters and fills the row, so that its node count need not be stored; `t` is the transmittance of the last
-// node.
-fn finish_nodes(t: f32) {
+// Updates the counters and fills the row, so that its node count need not be stored; `value` is
+// that of the last node.
+fn finish_nodes(value: f32) {
     // Rows of texels without nodes are not read.
     if rows.count == 0u { return; }
     count_rows();
     if rows.row == NO_ROW { return; }
-    let tail = node_word(FILLER, t);
+    let tail = node_word(FILLER, value);
     for (var i = 0u; i <= ROW_NODES; i++) {
         if rows.used > ROW_NODES { break; }
         put(select(tail, NO_ROW, rows.used == ROW_NODES));

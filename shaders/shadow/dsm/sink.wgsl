@@ -3,6 +3,7 @@
 
 #import umbravox::compression::push
 #import umbravox::dsm_layout::params
+#import umbravox::segments::LONGEST_PIECE
 #import umbravox::sums::{Sum, empty_sum, add_term}
 
 // Optical depth at which the ray ends (a term of the error bound).
@@ -26,7 +27,7 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if depth <= 0.0 { return false; }
     (*sink).optical_depth = add_term((*sink).optical_depth, depth);
     let half = exp(-0.5 * (*sink).optical_depth.total);
-    (*sink).longest_depth = params.longest_depth / half;
+    (*sink).longest_depth = min(params.longest_depth / half, LONGEST_PIECE);
     push(z_from, z_to, half * half);
     return (*sink).optical_depth.total > OPAQUE_DEPTH;
 }

@@ -88,7 +88,7 @@ impl VectorMap for AdaptiveShadowMap {
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
             marches: None,
-            sink: &["shadow/avsm/nodes.wgsl", GREEDY, "shadow/avsm/sink.wgsl"],
+            sink: &["shadow/segments.wgsl", "shadow/avsm/nodes.wgsl", GREEDY, "shadow/avsm/sink.wgsl"],
             lookup: &["shadow/avsm/lookup.wgsl", TRANSMITTANCE_FILTER],
             lookup_mode: self.lookup,
             params: Some(("shadow/avsm/params.wgsl", bytemuck::cast(params))),

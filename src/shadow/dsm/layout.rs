@@ -53,7 +53,10 @@ const CONSTANTS: &[Constant] = &[
 const ROW_MODULES: [&str; 2] = ["shadow/dsm/row_layout.wgsl", "shadow/dsm/counters.wgsl"];
 
 fn shader(entry: &'static str) -> ShaderVariant {
-    field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
+    field_shader(entry)
+        .with_tile_table()
+        .modules(&["shadow/segments.wgsl", "shadow/dsm/layout.wgsl"])
+        .constants(CONSTANTS)
 }
 
 /// Returns a shader that reads the curve nodes of a finished map, through its directory.

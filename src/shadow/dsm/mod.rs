@@ -19,7 +19,10 @@
 //! * `filter=bilinear` averages the transmittances of four texels, with `align=on` aligned at their first depths. With
 //!   `near`, the last voxels before a point are marched, and the result is clamped to the range of the four texels.
 //!   Neither changes rays through texel centres, and so neither changes the error bound.
-//! * A curve node has 4 bytes: 16-bit depth within the map's range, 15-bit transmittance, and a flag.
+//! * A curve node has 4 bytes: 16-bit depth within the map's range, 15 bits of transmittance or optical depth,
+//!   and a flag.
+//! * Optical depth is linear between two nodes, not transmittance: nodes of a homogeneous medium are then farther apart.
+//!   `segments=transmittance` takes the straight lines of the paper.
 //! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a
 //!   piecewise linear function*; 1988, *Polygonal approximations of a curve*) among the curves that begin with
 //!   extinction, stay within `epsilon` of the marched polyline, and are level behind their last node. The number of
@@ -51,6 +54,9 @@ use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools, Round
 use crate::gpu::ShaderVariant;
 use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 
+/// Bound on the error in transmittance from rounding optical depth at the ends of a line segment to 15 bits of 8
+/// (`segments=optical_depth`), and of its exponential.
+const DEPTH_STORAGE: f64 = 1.25e-4;
 /// Transmittance at which the march of a light ray ends (`exp(-OPAQUE_DEPTH)` of the shaders).
 const RAY_END: f64 = 1.0 / 2048.0;
 /// Bound on the error from rounding the transmittances at both ends of a line segment of a deep shadow map to 15
@@ -82,6 +88,16 @@ choices! {
 }
 
 choices! {
+    /// Quantity that is linear in depth between two nodes of a stored transmittance curve.
+    pub enum Segments {
+        /// Segments of a transmittance curve on which transmittance is linear in depth (Lokovic and Veach 2000).
+        Transmittance = "transmittance",
+        /// Segments of a transmittance curve on which optical depth is linear in depth, as in a homogeneous medium.
+        OpticalDepth = "optical_depth",
+    }
+}
+
+choices! {
     /// Way in which a march of light rays evaluates extinction: with the pre-compressed transfer-function table of
     /// Hadwiger et al. 2006, or without it.
     pub enum Precompress {
@@ -107,6 +123,14 @@ settings! {
             "greedy",
             "compression: greedy segments (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
+        /// Quantity that is linear in depth between two nodes of a stored curve: transmittance or optical depth.
+        segments: Segments = Key::choice(
+            Segments::NAMES,
+            "optical_depth",
+            "quantity that is linear between nodes: transmittance (the papers), or optical depth",
+        )
+        .search_all()
+        .when(When::Is("compress", "greedy")),
         /// Geometry that casts the shadows: the voxels of the volume, or the strands (line segments of hair or
         /// fibres) from which the volume was made.
         from: DrawnFrom = FROM_KEY,
@@ -237,6 +261,7 @@ impl DeepShadowMap {
         if self.near() > 0.0 && least_weight(&rounding) > MOST_LEAST_WEIGHT {
             return None;
         }
+        let storage = if self.has_depth_segments() { DEPTH_STORAGE } else { STORAGE };
         let align_mm = if self.is_aligned() { steepest_mm(light_space) } else { 0.0 };
         let steps = match self.compress {
             Compress::Greedy => 0.5,
@@ -244,7 +269,7 @@ impl DeepShadowMap {
         };
         let steps_mm = steps * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
-            transmittance: march.transmittance + self.epsilon + chord + RAY_END + STORAGE + 2.0 * neighbours,
+            transmittance: march.transmittance + self.epsilon + chord + RAY_END + storage + 2.0 * neighbours,
             depth_mm: march.depth_mm
                 + steps_mm
                 + lattice_mm
@@ -258,6 +283,16 @@ impl DeepShadowMap {
         })
     }
 
+    /// Whether optical depth is linear between nodes; the fewest nodes are those of straight lines of transmittance.
+    fn has_depth_segments(&self) -> bool {
+        self.segments == Segments::OpticalDepth && self.compress == Compress::Greedy
+    }
+
+    /// Returns the preprocessor definition of the quantity that is linear between nodes.
+    fn segment_def(&self) -> Option<&'static str> {
+        self.has_depth_segments().then_some("OPTICAL_DEPTH")
+    }
+
     fn build_shader(&self) -> ShaderVariant {
         let compress = match self.compress {
             Compress::Greedy => GREEDY,
@@ -265,7 +300,7 @@ impl DeepShadowMap {
         };
         let modules = ["field/tiles.wgsl", "shadow/dsm/rows.wgsl", compress];
         let shader = rows_shader("shadow/dsm/build.wgsl").modules(&modules);
-        let shader = shader.defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
+        let shader = shader.defs((self.taps_a_texel() > 1).then_some("PREFILTER")).defs(self.segment_def());
         match (self.precompress, self.whole_curve()) {
             (_, true) => {
                 shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
@@ -294,6 +329,7 @@ impl Method for DeepShadowMap {
         let shader =
             map_shader("").with_alignment(self.align, self.filter).modules(&["shadow/dsm/lookup.wgsl"]);
         let shader = shader.defs(bilinear.then_some("FILTER_BILINEAR"));
+        let shader = shader.defs(self.segment_def());
         let shader = shader.defs((self.near() > 0.0).then_some("KNOWN_RANGE"));
         Some(Lookup::new(shader).with_near(self.near()).with_lookup_mode(self.lookup))
     }

@@ -50,7 +50,7 @@ pub struct Attack {
     pub filter: &'static str,
     /// Number of rays whose mean a texel stores; `None` for shadow rays instead of a map.
     pub prefilter: Option<u32>,
-    /// Compression of the map's curves to nodes.
+    /// Compression of the map's curves to nodes, with settings.
     pub compress: &'static str,
 }
 
