@@ -6,12 +6,10 @@
 
 #import umbravox::light::light
 #import umbravox::watch::report_iteration_limit
-#import umbravox::segments::{segment_value, LEAST_VALUE, LEAST_RATIO}
+#import umbravox::segments::{segment_value, LEAST_VALUE, LEAST_RATIO, LEAST_TRANSMITTANCE}
 #import umbravox::curve_nodes::{start_nodes, nodes_stored, store_point, finish_nodes, largest_error}
 
 const STEEPEST: f32 = 1e30;
-// Transmittance below which a window is that of this one.
-const LEAST_LEVEL: f32 = 1e-8;
 // Difference of depths below which a line is vertical, as a share of the map's range.
 const VERTICAL_SHARE: f32 = 1.5e-8;
 // Largest number of iterations of a push: the first node, then the end of a line and its successor for the gap and
@@ -62,12 +60,13 @@ fn value_window(level: f32, value: f32) -> vec2<f32> {
 #ifdef OPTICAL_DEPTH
     // Inside a piece the error may be larger than at its end, by the ratio of the transmittances at both
     // (docs/bound.md).
-    let ratio = level / max(writer.last_t, LEAST_LEVEL);
+    let ratio = level / max(writer.last_t, LEAST_TRANSMITTANCE);
     let tolerance = largest_error() * clamp(ratio, LEAST_RATIO, 1.0);
     // The logarithms of 1 - x and 1 + x are -x (1 + x / 2 + x^2 / 3) at most and 2 x / (2 + x) at least.
-    let x = tolerance / max(level, LEAST_LEVEL);
+    let x = tolerance / max(level, LEAST_TRANSMITTANCE);
     let fall = select(x * (1.0 + x * (0.5 + x / 3.0)), value - LEAST_VALUE, x >= 1.0);
-    return vec2<f32>(value - fall, value + 2.0 * x / (2.0 + x));
+    // A line that ended below the least value would be raised to it as a whole.
+    return vec2<f32>(max(value - fall, LEAST_VALUE), value + 2.0 * x / (2.0 + x));
 #else
     return vec2<f32>(max(level - largest_error(), 0.0), level + largest_error());
 #endif

@@ -191,6 +191,7 @@ impl BuildContext<'_> {
             deferred.push(label, 0, 0.0, recorded);
             return Ok((self.no_time(), None));
         }
+        self.wait_until_idle();
         let (span, reads) = self.kernels.submit(vec![recorded])?.into_iter().next().unwrap_or_default();
         Ok((span, reads.into_iter().next()))
     }

@@ -1,7 +1,7 @@
 //! Properties of shadow methods for tables and figures: settings as cell values, figure style and default rows.
 
 use super::cell::{Cell, FromText};
-use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};
+use crate::shadow::{Key, METHODS, Method, Style, entry};
 use itertools::Itertools as _;
 
 /// Returns the settings of a shadow method by name, defaults included, in the order of the comparison table's
@@ -23,12 +23,19 @@ fn keys() -> Vec<&'static Key> {
 /// Returns the names and descriptions of all method settings, which are the last columns of the comparison table.
 pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     let column = |key: &'static Key| {
-        let own = |e: &&&Entry| e.keys.iter().any(|k| k.name == key.name);
-        let of: Vec<_> = METHODS.iter().filter(own).map(|e| format!("`{}`", e.name)).collect();
-        (
-            key.name,
-            format!("Setting of {}: {} ({}).", of.join(", "), key.help, key.values().replace('|', ", ")),
-        )
+        // Methods with the same description of the setting, in the order of the methods.
+        let mut texts: Vec<(String, Vec<String>)> = Vec::new();
+        for entry in METHODS.iter() {
+            let Some(own) = entry.keys.iter().find(|k| k.name == key.name) else { continue };
+            let text = format!("{} ({})", own.help, own.values().replace('|', ", "));
+            match texts.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, methods)) => methods.push(format!("`{}`", entry.name)),
+                None => texts.push((text, vec![format!("`{}`", entry.name)])),
+            }
+        }
+        let of =
+            |(text, methods): &(String, Vec<String>)| format!("Setting of {}: {text}.", methods.join(", "));
+        (key.name, texts.iter().map(of).collect::<Vec<_>>().join(" "))
     };
     keys().into_iter().map(column).collect()
 }

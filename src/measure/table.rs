@@ -87,7 +87,8 @@ columns! {
     bytes [""]: Option<u64>,
     /// Memory of the shadow map that queries for transmittance can access, in bytes.
     bytes_used [""]: Option<u64>,
-    /// Memory that only the build of the shadow map needs, in bytes, for methods that free it afterwards.
+    /// Memory that only the build of the shadow map needs, in bytes, for methods that free it afterwards. A buffer that
+    /// grows during the build counts once.
     build_bytes [""]: Option<u64>,
     /// Number of transmittance curve nodes stored in the shadow map, for methods that store nodes.
     nodes_total [""]: Option<u64>,

@@ -123,6 +123,38 @@ fn affines() {
 }
 
 /// Pre-filtered shadow maps are compared with the mean of the exact curves of their taps.
+/// A node stores at most the optical depth 8. That must not raise a line whose end would lie beyond.
+#[test]
+fn ends_of_lines_of_optical_depth() {
+    // Extinction (1/mm) of voxels along z, each as often as stated.
+    let scenes: [(&str, usize, &[f32]); 2] = [
+        ("0.002", 3, &[0.0, 1.9039, 0.8675, 0.1088, 1.1202, 7.7603, 0.8884, 0.2441]),
+        (
+            "0.0012",
+            2,
+            &[0.0, 0.0396, 0.0631, 2.8587, 1.5219, 0.0796, 1.2456, 5.0879, 0.0327, 3.4583, 0.4451, 1.4736],
+        ),
+    ];
+    for (epsilon, times, layers) in scenes {
+        let value = |(k, _, _): (usize, usize, usize)| layers[k / times];
+        let voxels = Voxels::F32(Array3::from_shape_fn((times * layers.len(), 4, 4), value));
+        let volume = Arc::new(volume_of(voxels, DAffine3::IDENTITY));
+        let Some(setup) = Setup::open(&volume, &extinction(&[(0.0, 0.0), (8.0, 8.0)])) else { return };
+        let light = Light::Directional { toward: DVec3::new(0.0, 0.0, -1.0) };
+        let method = format!("dsm:epsilon={epsilon},map=4,fit=volume,near=0");
+        let map = setup.shadow(&method, light);
+        let end = (times * layers.len()) as f64 - 1.0;
+        let points: Vec<DVec3> =
+            (0..4000).map(|i| DVec3::new(1.5, 1.5, end * f64::from(i) / 4000.0)).collect();
+        let (exact, bound) = (setup.exact(), map.bound.unwrap());
+        for (point, got) in points.iter().zip(setup.query(&map, &points)) {
+            let at = |by: f64| exact.transmittance_to_light(*point + DVec3::Z * by, &light);
+            let amount = bound.distance(f64::from(got), [at(bound.depth_mm), at(-bound.depth_mm)]);
+            assert!(amount <= 0.0, "{method}, {point}: {got}, exact {}, {bound:?}", at(0.0));
+        }
+    }
+}
+
 #[test]
 fn prefilter() {
     let volume = phantom("thorax:40");

@@ -5,7 +5,7 @@
 #import umbravox::vectors_read::{AtlasPoint, filtered_vector}
 
 struct Moments {
-    // Optical depth, then each moment times the optical depth.
+    // Optical depth (or absorbed light), then each moment times it.
     first: vec4<f32>,
     second: vec4<f32>,
     third: vec4<f32>,

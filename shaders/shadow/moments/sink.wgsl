@@ -84,7 +84,7 @@ fn met_extinction() -> bool {
 }
 
 #ifdef WORDS
-// Optical depth, and two moments in each other word, as `umbravox::moment_vectors` reads them.
+// Optical depth or absorbed light, and two moments in each other word, as `umbravox::moment_vectors` reads them.
 var<private> words: array<u32, #{MOMENTS} / 2 + 1>;
 
 fn finish() {

@@ -1,6 +1,6 @@
 // Filtered moments that are stored in 16 bits each.
 //
-// The first word of a texel is its optical depth, a float. The others hold two moments each, in even steps from -1 to
+// The first word of a texel is its optical depth (or absorbed light), a float. The others hold two moments each, in even steps from -1 to
 // 1. Power moments are stored as means of Chebyshev polynomials: powers follow with positive weights that add up to
 // one, so that no rounding error grows.
 #define_import_path umbravox::moment_vectors
@@ -9,7 +9,7 @@
 #import umbravox::vectors_read::{AtlasPoint, words_at}
 
 struct Moments {
-    // Optical depth, then each moment times the optical depth.
+    // Optical depth (or absorbed light), then each moment times it.
     first: vec4<f32>,
     second: vec4<f32>,
     third: vec4<f32>,

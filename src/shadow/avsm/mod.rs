@@ -4,16 +4,15 @@
 //! the transmittance curve of its light ray. If there are more, the inner node is removed that changes the area under
 //! the curve least; its neighbours stay. Memory is bounded and the error is not, in contrast to `dsm`.
 //!
-//! With enough nodes of 32 bits, the stored curve is the polyline from the march of the light ray, within 0.0029 of
-//! the exact transmittance.
+//! With enough nodes of 32 bits, the stored curve is within 0.0029 of the exact transmittance.
 //!
 //! Deviations from the paper, and why:
 //! * Segments of the light ray arrive in the order of the march, and are appended; the paper inserts rasterised
 //!   segments in any order.
 //! * The segments are those of a greedy compression (Lokovic and Veach 2000) of the curve with an error of 0.0006, so
 //!   that few nodes have to be removed; the paper's segments are as long as drawn.
-//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper. This method and `dsm`
-//!   therefore differ by the compression only.
+//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper. This method and
+//!   `dsm:segments=transmittance` therefore differ by the compression only.
 //! * A light ray ends at a transmittance of 2^-11, as in every shadow map here.
 
 use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};

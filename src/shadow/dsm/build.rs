@@ -136,7 +136,7 @@ impl DeepShadowMap {
         let mut report = BuildReport {
             device: Some(device.plus(nodes.device)),
             bytes: nodes.bytes(&tiles),
-            bytes_used: nodes.directory_bytes() + tiles.table_bytes(),
+            bytes_used: nodes.directory_bytes(),
             build_bytes,
             tiles: tiles.tiles,
             tiles_left_out: left_out,

@@ -9,7 +9,7 @@
 //! map here.
 //!
 //! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
-//! within one cell, whose matter is assumed to be uniform; `avsm` takes shorter segments.
+//! within one cell, whose matter is assumed to be uniform; `avsm` and `moments:measure=light` take shorter segments.
 
 use super::keys::{Align, Filter, Lookups};
 use super::lookup::Lookup;
