@@ -35,22 +35,33 @@ fn wrapped_texel(texel: vec2<i32>) -> vec2<u32> {
     return vec2<u32>(clamp(t, vec2<i32>(0), vec2<i32>(last)));
 }
 
-// Returns the record indices (or NO_TILE) of the texel at `base` and of those at (1, 0), (0, 1) and (1, 1) from it.
-// Texels of one tile, as most are, share one read of the table.
-fn records_around(base: vec2<i32>) -> vec4<u32> {
+// Columns and rows of four texels.
+struct FourTexels {
+    x: vec4<u32>,
+    y: vec4<u32>,
+}
+
+// Returns the texel at `base` and those at (1, 0), (0, 1) and (1, 1) from it, wrapped.
+fn texels_around(base: vec2<i32>) -> FourTexels {
     let a = wrapped_texel(base);
     let b = wrapped_texel(base + vec2<i32>(1, 0));
     let c = wrapped_texel(base + vec2<i32>(0, 1));
     let d = wrapped_texel(base + vec2<i32>(1, 1));
-    let x = vec4<u32>(a.x, b.x, c.x, d.x);
-    let y = vec4<u32>(a.y, b.y, c.y, d.y);
-    let tiles_x = x / TILE;
-    let tiles_y = y / TILE;
-    var first = vec4<u32>(tile_entry(a / TILE));
+    return FourTexels(vec4<u32>(a.x, b.x, c.x, d.x), vec4<u32>(a.y, b.y, c.y, d.y));
+}
+
+// Returns the record indices (or NO_TILE) of the texel at `base` and of those at (1, 0), (0, 1) and (1, 1) from it.
+// Texels of one tile, as most are, share one read of the table.
+fn records_around(base: vec2<i32>) -> vec4<u32> {
+    let texels = texels_around(base);
+    let tiles_x = texels.x / TILE;
+    let tiles_y = texels.y / TILE;
+    var first = vec4<u32>(tile_entry(vec2<u32>(tiles_x.x, tiles_y.x)));
     if any((tiles_x != tiles_x.xxxx) | (tiles_y != tiles_y.xxxx)) {
-        first.y = tile_entry(b / TILE);
-        first.z = tile_entry(c / TILE);
-        first.w = tile_entry(d / TILE);
+        first.y = tile_entry(vec2<u32>(tiles_x.y, tiles_y.y));
+        first.z = tile_entry(vec2<u32>(tiles_x.z, tiles_y.z));
+        first.w = tile_entry(vec2<u32>(tiles_x.w, tiles_y.w));
     }
-    return select(first + (y % TILE) * TILE + x % TILE, vec4<u32>(NO_TILE), first == vec4<u32>(NO_TILE));
+    let records = first + (texels.y % TILE) * TILE + texels.x % TILE;
+    return select(records, vec4<u32>(NO_TILE), first == vec4<u32>(NO_TILE));
 }

@@ -5,7 +5,7 @@
 #define_import_path umbravox::dsm_directory
 
 #import umbravox::work::{count_work, LOADS}
-#import umbravox::tile_table::wrapped_texel
+#import umbravox::tile_table::texels_around
 
 const NO_HEAD: u32 = 0xffffffffu;
 // Binary logarithms of the sides of a block.
@@ -21,25 +21,20 @@ fn block_entry(block: vec2<u32>) -> vec2<u32> {
 // Returns the indices of the heads of the texel at `base` and of those at (1, 0), (0, 1) and (1, 1) from it; NO_HEAD
 // for texels without nodes. Texels of one block, as most are, share one read of the directory.
 fn heads_around(base: vec2<i32>) -> vec4<u32> {
-    let a = wrapped_texel(base);
-    let b = wrapped_texel(base + vec2<i32>(1, 0));
-    let c = wrapped_texel(base + vec2<i32>(0, 1));
-    let d = wrapped_texel(base + vec2<i32>(1, 1));
-    let x = vec4<u32>(a.x, b.x, c.x, d.x);
-    let y = vec4<u32>(a.y, b.y, c.y, d.y);
-    let blocks_x = x >> BLOCK_SHIFT.xxxx;
-    let blocks_y = y >> BLOCK_SHIFT.yyyy;
-    let entry = block_entry(a >> BLOCK_SHIFT);
+    let texels = texels_around(base);
+    let blocks_x = texels.x >> BLOCK_SHIFT.xxxx;
+    let blocks_y = texels.y >> BLOCK_SHIFT.yyyy;
+    let entry = block_entry(vec2<u32>(blocks_x.x, blocks_y.x));
     var masks = entry.xxxx;
     var first = entry.yyyy;
     if any((blocks_x != blocks_x.xxxx) | (blocks_y != blocks_y.xxxx)) {
-        let of_b = block_entry(b >> BLOCK_SHIFT);
-        let of_c = block_entry(c >> BLOCK_SHIFT);
-        let of_d = block_entry(d >> BLOCK_SHIFT);
+        let of_b = block_entry(vec2<u32>(blocks_x.y, blocks_y.y));
+        let of_c = block_entry(vec2<u32>(blocks_x.z, blocks_y.z));
+        let of_d = block_entry(vec2<u32>(blocks_x.w, blocks_y.w));
         masks = vec4<u32>(masks.x, of_b.x, of_c.x, of_d.x);
         first = vec4<u32>(first.x, of_b.y, of_c.y, of_d.y);
     }
-    let bits = vec4<u32>(1u) << (((y & vec4<u32>(3u)) << vec4<u32>(3u)) | (x & vec4<u32>(7u)));
+    let bits = vec4<u32>(1u) << (((texels.y & vec4<u32>(3u)) << vec4<u32>(3u)) | (texels.x & vec4<u32>(7u)));
     let heads = first + countOneBits(masks & (bits - 1u));
     return select(vec4<u32>(NO_HEAD), heads, (masks & bits) != vec4<u32>(0u));
 }
