@@ -45,7 +45,7 @@ pub struct What {
     #[arg(long, value_name = "FILE")]
     pub rays: Option<PathBuf>,
     /// File of points, `x y z` per line, world mm; prints `T_method T_exact`: transmittance from the light to each
-    /// point, by the --shadow method and exact
+    /// point, by the --shadow method and exact; with `enclose=on` also `L U`, bounds on the exact one
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
     /// Point, world mm: prints transmittance against depth along the light ray through it, by --methods and exact, as
@@ -85,8 +85,14 @@ pub fn run(args: ProbeArgs) -> Result<()> {
             .with_strands(strands);
         let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
-        let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));
-        print_result(&(header(args.header, "T_method T_exact") + &lines.collect::<String>()))?;
+        let enclosed = shadow.enclosure.as_ref().map(|e| e.query(&session, &points)).transpose()?;
+        let line = |(i, (m, e)): (usize, (&f32, &f64))| match &enclosed {
+            Some(all) => format!("{m:.9} {e:.17} {:.9} {:.9}\n", all[i][0], all[i][1]),
+            None => format!("{m:.9} {e:.17}\n"),
+        };
+        let columns = if enclosed.is_some() { "T_method T_exact L U" } else { "T_method T_exact" };
+        let lines: String = found.iter().zip(&exact).enumerate().map(line).collect();
+        print_result(&(header(args.header, columns) + &lines))?;
     }
     Ok(())
 }

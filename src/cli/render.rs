@@ -137,7 +137,7 @@ impl Summary {
         let method = renderer.effective_method(loaded, transfer, method, scene);
         let (frame_ms, clock) = picture.span.best();
         let maps = || shadows.iter().copied();
-        let (report, bound) = (BuildReport::of_all(maps()), Bound::of_all(maps()));
+        let (report, bound) = (BuildReport::of_all(maps()), Bound::of_all(maps().map(|map| map.bound)));
         Self {
             output: output.display().to_string(),
             adapter: renderer.gpu().info.name.clone(),

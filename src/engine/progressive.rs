@@ -185,7 +185,7 @@ impl ProgressiveRenderer {
             texture,
             spec: format!("{spec:#}"),
             report: BuildReport::of_all(made.shadows.iter().copied()),
-            bound: Bound::of_all(made.shadows.iter().copied()),
+            bound: Bound::of_all(made.shadows.iter().map(|map| map.bound)),
             skipped: drawn.plan.left_out,
             frame_ms: drawn.span.best().0,
         };

@@ -12,8 +12,8 @@ use crate::gpu::{
     Gpu, Group, ShaderVariant, Slot, StorageBuffer, clamp_sampler, table_texture, uniform_buffer,
 };
 use crate::transfer::{
-    ClipPlane, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
-    TransferTables, VALUE_BINS,
+    ClipPlane, ExtinctionRanges, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping,
+    TransferFunction, TransferTables, VALUE_BINS,
 };
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
@@ -88,7 +88,7 @@ pub struct DeviceTransfer {
     /// Whether the transfer function has clip planes.
     pub clips: bool,
     /// Whether segmentation labels of the volume use different transfer functions.
-    labelled: bool,
+    pub has_labels: bool,
     /// Renderer optimizations, such as skipping empty bricks, that the user disables with `--no-skip`.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
@@ -225,7 +225,7 @@ impl DeviceTransfer {
             outer_bricks: OnceLock::new(),
             mapping: on_device.mapping,
             largest_texel: merged.largest_texel,
-            labelled: !merged.shifts.is_empty(),
+            has_labels: !merged.shifts.is_empty(),
             tf: merged.function,
         };
         if disabled.has(Optimization::MarchTable) {
@@ -285,7 +285,17 @@ impl DeviceTransfer {
     /// Returns the largest float32 error of an interpolated voxel value along a ray, in units of the volume's values.
     /// It also covers the rounding of transfer-function breakpoints; see `docs/bound.md`, "Values".
     pub fn value_rounding(&self) -> f64 {
-        VALUE_ROUNDING * self.largest_texel * self.mapping.scale
+        self.value_rounding_texels() * self.mapping.scale
+    }
+
+    /// Returns [`Self::value_rounding`] in units of the values that the volume texture stores.
+    pub fn value_rounding_texels(&self) -> f64 {
+        VALUE_ROUNDING * self.largest_texel
+    }
+
+    /// Returns the table of the extremes of extinction over ranges of the transfer function's intervals.
+    pub fn extinction_ranges(&self) -> ExtinctionRanges {
+        ExtinctionRanges::build(&self.tf, self.mapping)
     }
 
     /// Returns the lookup table of transfer-function breakpoints; `None` if no compute pass has needed it.
@@ -348,7 +358,7 @@ impl DeviceTransfer {
     /// # Errors
     /// The device is out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
-        let needs = [(self.clips, "CLIP"), (self.labelled, "LABELS"), (self.folded, "FOLDED")];
+        let needs = [(self.clips, "CLIP"), (self.has_labels, "LABELS"), (self.folded, "FOLDED")];
         let variant = variant.defs(needs.into_iter().filter_map(|(needed, name)| needed.then_some(name)));
         if !marches_cells(&variant) {
             return Ok(variant);

@@ -34,7 +34,7 @@ pub use device_directions::DeviceDirections;
 pub use device_transfer::{DeviceTransfer, MarchTable};
 pub use device_volume::DeviceVolume;
 pub use fold::Fold;
-pub use light_space::{LightSpace, MapShape, Projection, Rounding, TileSet};
+pub use light_space::{LightSpace, MapShape, Prism, Projection, Rounding, TileSet};
 pub use loaded::{LoadedVolume, grid_from_world};
 pub use march::{GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH};
 pub use node_pools::{NodePool, NodePoolSizes, NodePools};

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::exact::{ExactField, VisiblePoint};
 use crate::render::Session;
 use crate::scene::{Light, LightSource, Scene};
-use crate::shadow::{LightSpace, ShadowMap, Taps};
+use crate::shadow::{Enclosure, LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -93,6 +93,13 @@ impl VisiblePoints {
         ErrorStats::of(self.weighted(session, shadow)?)
     }
 
+    /// Returns the widths of an enclosure at the points visible to the camera, each with the point's weight.
+    fn widths(&self, session: &Session, enclosure: &Enclosure) -> Result<Vec<(f64, f64)>> {
+        let found = enclosure.query(session, &self.points_mm)?;
+        let widths = found.iter().map(|[lower, upper]| f64::from(upper - lower));
+        Ok(widths.zip(self.weights.iter().copied()).collect())
+    }
+
     /// Returns the transmittance error `T_method - T_exact` at each point visible to the camera, with the point's
     /// weight.
     fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
@@ -139,6 +146,20 @@ impl VisiblePointsByLight {
         let mut all = Vec::with_capacity(self.count());
         for (part, shadow) in self.0.iter().zip(shadows) {
             all.append(&mut part.weighted(session, shadow)?);
+        }
+        ErrorStats::of(all)
+    }
+
+    /// Returns statistics of the widths of the enclosures at the visible points of all lights together; `None` unless
+    /// all of their shadow maps have one.
+    ///
+    /// # Errors
+    /// See [`VisiblePoints::errors`].
+    pub fn enclosure_widths(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
+        let mut all = Vec::with_capacity(self.count());
+        for (part, shadow) in self.0.iter().zip(shadows) {
+            let Some(enclosure) = &shadow.enclosure else { return Ok(None) };
+            all.append(&mut part.widths(session, enclosure)?);
         }
         ErrorStats::of(all)
     }

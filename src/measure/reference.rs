@@ -8,7 +8,8 @@ use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
 use super::job::{Checked, Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
-use super::point_bound::{PointReport, PointTest};
+use super::point_bound::PointReport;
+use super::point_checks::PointChecks;
 use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
@@ -31,11 +32,6 @@ const EXACT_PIXELS_CHECKED: usize = 64;
 /// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
 /// units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Number of tested light rays for each cell between texel centres in which points are tested.
-const RAYS_PER_CELL: usize = 20;
-/// Number of cells and of points in them that are tested if points are to be checked thoroughly.
-const CHECKED_CELLS: usize = 4096;
-const CHECKED_POINTS: usize = 1 << 20;
 /// Number of timed runs in a trial of method settings. The slower run counts, to keep chosen settings within the time
 /// budget when they are timed again.
 const TRIAL_RUNS: usize = 2;
@@ -210,6 +206,7 @@ impl<'a> Reference<'a> {
             bytes: Some(report.bytes),
             bytes_used: Some(report.bytes_used),
             build_bytes: Some(report.build_bytes).filter(|bytes| *bytes > 0),
+            enclosure_bytes: Some(report.enclosure_bytes).filter(|bytes| *bytes > 0),
             nodes_total: report.nodes_total,
             nodes_max: report.nodes_max,
             lights: Some(job.scene.lights_shining()),
@@ -245,6 +242,7 @@ impl<'a> Reference<'a> {
             }
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadows, &mut row)?);
+            notes.extend(self.point_checks().enclosures(method, &self.visible, &shadows, &mut row)?);
             let mut checked = None;
             for (source, shadow) in job.scene.shining().iter().zip(&shadows) {
                 let own = check(job.session, method, shadow, &job.scene.under(*source))?;
@@ -306,10 +304,11 @@ impl<'a> Reference<'a> {
             let (report, note) = self.measure_rays_of(method, (source.light, shadow), count)?;
             all = all.merge(report);
             notes.extend(note);
-            points = points.merge(self.measure_points_of(method, (source.light, shadow), shadows.len())?);
+            points = points.merge(self.point_checks().of(method, (source.light, shadow), shadows.len())?);
         }
-        row.set_ray_errors(&all, Bound::of_all(shadows));
-        row.set_point_bound(&points, Bound::of_all(shadows));
+        let bound = Bound::of_all(shadows.iter().map(|map| map.bound));
+        row.set_ray_errors(&all, bound);
+        row.set_point_bound(&points, bound);
         notes.extend(points.worst.map(|worst| {
             let [x, y, z] = worst.position_mm.to_array();
             format!(
@@ -322,6 +321,10 @@ impl<'a> Reference<'a> {
             )
         }));
         Ok(notes)
+    }
+
+    fn point_checks(&self) -> PointChecks<'_> {
+        PointChecks { job: self.job, field: self.field }
     }
 
     /// Measures the transmittance errors along `count` light rays in the shadow map of one light.
@@ -374,32 +377,6 @@ impl<'a> Reference<'a> {
             )
         });
         Ok((report, note))
-    }
-}
-
-impl Reference<'_> {
-    /// Tests the error bound of the shadow map of one of `lights` lights at points between its light rays.
-    fn measure_points_of(
-        &self,
-        method: &dyn Method,
-        (light, shadow): (Light, &ShadowMap),
-        lights: usize,
-    ) -> Result<PointReport> {
-        if shadow.bound.is_none() {
-            return Ok(PointReport::default());
-        }
-        let (job, effort) = (self.job, self.job.effort);
-        let count = match effort.check {
-            Checked::Points => CHECKED_CELLS,
-            _ => effort.rays.div_ceil(RAYS_PER_CELL),
-        };
-        let cells = texels_to_test(self.field, light, &shadow.light_space, count.div_ceil(lights));
-        let points_a_cell = match effort.check {
-            Checked::Points => CHECKED_POINTS.div_ceil(cells.len().max(1) * lights),
-            _ => 4 * effort.depths,
-        };
-        let test = PointTest { cells: &cells, points_a_cell, taps: method.taps() };
-        test.run(self.field, light, job.session, shadow)
     }
 }
 

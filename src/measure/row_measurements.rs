@@ -2,6 +2,7 @@
 
 use super::bound_check::BoundReport;
 use super::check::Check;
+use super::enclosure_check::EnclosureReport;
 use super::point_bound::PointReport;
 use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
@@ -69,6 +70,15 @@ impl Row {
         self.point_bound_held = bound.and_then(|_| report.satisfied());
         self.point_bound_n = bound.map(|_| report.points as u64);
         self.point_bound_limited = bound.map(|_| report.limited as u64);
+    }
+
+    /// Sets the comparison table columns `enclosure_*` except the memory: the widths of the enclosures at points visible
+    /// to the camera, and whether they contain the exact transmittance.
+    pub fn set_enclosure(&mut self, widths: &ErrorStats, report: &EnclosureReport) {
+        [self.enclosure_width, self.enclosure_width_max] = [widths.mean, widths.max_abs].map(Some);
+        self.enclosure_held = report.satisfied();
+        self.enclosure_n = Some(report.points as u64);
+        self.enclosure_limited = Some(report.limited as u64);
     }
 
     /// Sets the comparison table columns `work_*`, the counts of GPU operations: per texel for building a shadow map,

@@ -150,6 +150,20 @@ columns! {
     /// Number of points at which the error bound is satisfied only by its tolerances in lateral position and scalar
     /// value.
     point_bound_limited [""]: Option<u64>,
+    /// Mean width `U - L` of the enclosure of the exact transmittance (`enclose=on`) at points visible to the camera,
+    /// weighted by visibility.
+    enclosure_width [""]: Option<f64>,
+    /// Largest width `U - L` of the enclosure of the exact transmittance at points visible to the camera.
+    enclosure_width_max [""]: Option<f64>,
+    /// Whether `L <= T_exact <= U` at every tested point. Empty without `enclose=on`.
+    enclosure_held [""]: Option<bool>,
+    /// Number of points at which `L <= T_exact <= U` was tested.
+    enclosure_n [""]: Option<u64>,
+    /// Number of points at which the enclosure contains the exact transmittance only if float32 rounding of the light
+    /// rays and of the volume's values is allowed for.
+    enclosure_limited [""]: Option<u64>,
+    /// Memory of the enclosing curves, which pictures do not read.
+    enclosure_bytes ["bytes"]: Option<u64>,
     /// Number of shadow map texels at which marching light rays by regular samples was compared with marching cell by
     /// cell. Empty for methods that march by cells.
     check_n [""]: Option<u64>,

@@ -18,22 +18,28 @@ pub(super) fn steepest_mm(light_space: &LightSpace) -> f64 {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lookup {
     shader: ShaderVariant,
-    /// Whether a march towards the light precedes the query of the shadow method.
-    near: bool,
+    /// File of the module `umbravox::shadow`, which answers a scene's queries with those of the shadow method.
+    module: &'static str,
 }
 
 impl Lookup {
     /// Creates the shader code of a transmittance query from a [`field_shader`](crate::field::field_shader) with the
     /// module `umbravox::method` of a shadow method; the entry point of that shader is ignored.
     pub fn new(shader: ShaderVariant) -> Self {
-        Self { shader, near: false }
+        Self { shader, module: "shadow/direct.wgsl" }
+    }
+
+    /// Creates the shader code of a query for a bound on transmittance. The shader marches light rays, and its method is
+    /// a deep shadow map of enclosing curves.
+    pub(super) fn enclosing(shader: ShaderVariant) -> Self {
+        Self { shader, module: "shadow/enclosed.wgsl" }
     }
 
     /// Adds a march from the point towards the light, `near` smallest voxel spacings long, before the query of the
     /// shadow method; none if `near` is 0.
     #[must_use]
     pub fn with_near(self, near: f64) -> Self {
-        Self { near: near > 0.0, ..self }
+        Self { module: if near > 0.0 { "shadow/near.wgsl" } else { self.module }, ..self }
     }
 
     /// Sets whether neighbouring samples of a camera ray share one transmittance query.
@@ -44,8 +50,7 @@ impl Lookup {
 
     /// Returns the shader with the given entry file, together with the code of the transmittance query.
     pub fn within(&self, entry: &'static str) -> ShaderVariant {
-        let module = if self.near { "shadow/near.wgsl" } else { "shadow/direct.wgsl" };
-        ShaderVariant { entry, ..self.shader.clone() }.modules(&[module])
+        ShaderVariant { entry, ..self.shader.clone() }.modules(&[self.module])
     }
 
     /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.

@@ -1,6 +1,7 @@
 //! Interface of shadow methods: registry entry, settings, transmittance query, built shadow map, cost and error
 //! bound.
 
+use super::bound::Bound;
 use super::keys::{FROM, MAP, MARCH, NEAR};
 use super::lookup::Lookup;
 use super::settings::{Key, Value, When, applies};
@@ -158,59 +159,6 @@ impl Hash for MethodSpec {
     }
 }
 
-/// Error bound of a shadow method on light rays through texel centres, at every depth `z`: `T_exact(z + depth_mm) -
-/// transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
-///
-/// `T_exact` is the transmittance along a ray within `lateral_mm` of the texel's ray, through a volume whose values
-/// differ by at most `value`. These terms are the limits of float32: a ray that grazes a surface may miss it because
-/// of them (`docs/bound.md`).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Bound {
-    /// Bound on the error of the shadow method in transmittance.
-    pub transmittance: f64,
-    /// Bound on the error of the shadow method in depth along the light ray, mm.
-    pub depth_mm: f64,
-    /// Bound on the distance by which a light ray is displaced sideways by rounding, mm.
-    pub lateral_mm: f64,
-    /// Bound on the error of the interpolated volume value along a light ray, in units of that value.
-    pub value: f64,
-    /// Distance from a point light within which the error bound of the shadow method does not hold, mm: float32 does
-    /// not resolve texels there.
-    pub from_light_mm: f64,
-    /// Number of texels per side whose curves a query combines at a point: 2 with bilinear filtering, 1 for the
-    /// nearest texel, 0 for a shadow ray of the point's own.
-    pub texels_a_side: u32,
-    /// Bound on the shift in depth by which a query aligns these texels between their light rays, mm.
-    pub align_mm: f64,
-    /// Bound on the distance from a point to the light rays whose transmittance bounds that at the point, mm.
-    pub reach_mm: f64,
-}
-
-impl Bound {
-    /// Returns the distance of a transmittance from the interval that the bound allows around exact ones, from the
-    /// least to the largest; negative inside. NaN lies outside every interval, at an infinite distance.
-    pub fn distance(&self, t: f64, [least, most]: [f64; 2]) -> f64 {
-        let outside = (least - self.transmittance - t).max(t - most - self.transmittance);
-        if t.is_nan() { f64::INFINITY } else { outside }
-    }
-
-    /// Returns the error bound that the shadow maps of all lights satisfy; `None` if one of them has no bound.
-    pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
-        let looser = |a: Self, b: Self| Self {
-            transmittance: a.transmittance.max(b.transmittance),
-            depth_mm: a.depth_mm.max(b.depth_mm),
-            lateral_mm: a.lateral_mm.max(b.lateral_mm),
-            value: a.value.max(b.value),
-            from_light_mm: a.from_light_mm.max(b.from_light_mm),
-            texels_a_side: a.texels_a_side.max(b.texels_a_side),
-            align_mm: a.align_mm.max(b.align_mm),
-            reach_mm: a.reach_mm.max(b.reach_mm),
-        };
-        let bounds = maps.into_iter().map(|map| map.bound).collect::<Option<Vec<_>>>()?;
-        bounds.into_iter().reduce(looser)
-    }
-}
-
 /// Rendering pass of a published shadow method that this implementation skips, since nothing would read its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
@@ -243,6 +191,8 @@ pub struct BuildReport {
     pub bytes: u64,
     /// Part of the shadow map's memory that transmittance queries can read, bytes.
     pub bytes_used: u64,
+    /// Memory of the enclosing curves (`enclose=on`), which pictures do not read, bytes.
+    pub enclosure_bytes: u64,
     /// Memory that only the build needs, bytes. A window keeps it for later builds.
     pub build_bytes: u64,
     /// Number of curve nodes stored in the whole shadow map.
@@ -279,6 +229,17 @@ impl BuildReport {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
     }
 
+    /// Adds the time and the memory of an enclosure.
+    pub(super) fn add_enclosure(&mut self, enclosure: &Enclosure) {
+        for map in [&enclosure.lower, &enclosure.upper] {
+            self.device = match (self.device, map.report.device) {
+                (Some(own), Some(more)) => Some(own.plus(more)),
+                (own, more) => own.or(more),
+            };
+            self.enclosure_bytes += map.report.bytes;
+        }
+    }
+
     /// Returns the total cost and size of the shadow maps of several lights; only `nodes_max` is the maximum instead
     /// of the sum.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
@@ -296,6 +257,7 @@ impl BuildReport {
             device,
             bytes: self.bytes + other.bytes,
             bytes_used: self.bytes_used + other.bytes_used,
+            enclosure_bytes: self.enclosure_bytes + other.enclosure_bytes,
             // Maps are built one after another.
             build_bytes: self.build_bytes.max(other.build_bytes),
             nodes_total: sum(self.nodes_total, other.nodes_total),
@@ -362,8 +324,26 @@ pub struct ShadowMap {
     pub report: BuildReport,
     /// Error bound of the shadow map; `None` if the method has none.
     pub bound: Option<Bound>,
+    /// Bounds on the exact transmittance at every point; `None` if the method stores none.
+    pub enclosure: Option<Enclosure>,
     /// Texture of curve nodes, which later builds do not reuse as long as this map exists; `None` for methods without.
     pub(crate) _pool: Option<Arc<NodePool>>,
+}
+
+/// Lower and upper bounds on the exact transmittance at every point, which are queried like shadow maps.
+pub struct Enclosure {
+    /// Map whose queries return a lower bound on the exact transmittance.
+    pub lower: Box<ShadowMap>,
+    /// Map whose queries return an upper bound on the exact transmittance.
+    pub upper: Box<ShadowMap>,
+    /// Tolerances within which these bounds hold.
+    pub tolerances: Bound,
+}
+
+impl Enclosure {
+    pub(super) fn new(lower: ShadowMap, upper: ShadowMap, tolerances: Bound) -> Self {
+        Self { lower: Box::new(lower), upper: Box::new(upper), tolerances }
+    }
 }
 
 /// Interface of a shadow method with given values of its settings.

@@ -17,6 +17,7 @@
 
 mod avsm;
 mod bom;
+mod bound;
 mod clusters;
 mod dom;
 mod dsm;
@@ -41,6 +42,7 @@ mod vectors;
 
 pub use avsm::AdaptiveShadowMap;
 pub use bom::BoundingOpacityMap;
+pub use bound::Bound;
 pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
@@ -50,7 +52,7 @@ pub use layered::{Average, LayerSplit, Measure};
 pub use lightvolume::{LightBuild, LightVolume};
 pub use lookup::Lookup;
 pub use method::{
-    Bound, BuildReport, Curve, Entry, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
+    BuildReport, Curve, Enclosure, Entry, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
 };
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;

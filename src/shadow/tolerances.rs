@@ -1,7 +1,7 @@
 //! Numerical tolerances of shadow maps, and the terms of the error bound that all marches of light rays share.
 //! `docs/bound.md` derives each.
 
-use super::method::Bound;
+use super::bound::Bound;
 use crate::field::{BuildContext, LightSpace, SHORT_PIECE};
 
 /// Optical depth at which the march of a light ray ends (a transmittance of 2^-11).
@@ -21,6 +21,9 @@ const QUADRATURE: f64 = 6e-4;
 /// ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)) at a transmittance of 1/e, where it weighs most, and of `exp`.
 const SUMS: f64 = 2e-4;
 
+/// Bound on the error in transmittance of a march of a light ray, cell by cell.
+pub const MARCH_ERROR: f64 = QUADRATURE + SUMS;
+
 /// Returns the largest optical depth over which a chord of the transmittance curve stays within [`CHORD_TOLERANCE`]
 /// at transmittance 1. A chord of length `h` deviates by at most `h^2 sigma^2 / 8`.
 pub fn longest_depth() -> f32 {
@@ -31,7 +34,7 @@ pub fn longest_depth() -> f32 {
 pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Bound {
     let rounding = light_space.rounding(context.volume, context.transfer.clips);
     Bound {
-        transmittance: QUADRATURE + SUMS,
+        transmittance: MARCH_ERROR,
         depth_mm: SHORT_PIECE * context.volume.min_spacing_mm() + rounding.position_mm,
         lateral_mm: rounding.position_mm,
         value: context.transfer.value_rounding(),

@@ -8,12 +8,14 @@ pub mod formats;
 mod labels;
 mod pairs;
 pub mod presets;
+mod ranges;
 mod tables;
 
 pub use change::TransferChange;
 pub use clip::{ClipPlane, MOST_CLIP_PLANES};
 pub use labels::{LabelClass, MOST_LABEL_FUNCTIONS, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
+pub use ranges::ExtinctionRanges;
 pub(crate) use tables::extinction_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 

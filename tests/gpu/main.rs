@@ -11,6 +11,7 @@ mod clip;
 mod common;
 mod compare;
 mod degenerate;
+mod enclosure;
 mod exact_pictures;
 mod fair;
 mod folded;

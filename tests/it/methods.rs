@@ -130,6 +130,7 @@ const REFUSED: &[(&str, &str)] = &[
         "dsm:compress=optimal,segments=optical_depth",
         "dsm:segments): it has an effect with compress=greedy only",
     ),
+    ("dsm:enclose=yes", "expected off|on"),
     ("moments:measure=mass", "expected depth|light"),
     ("moments:beta=2", "expected 0..1"),
     ("moments:bias=-1", "expected 0..10000"),

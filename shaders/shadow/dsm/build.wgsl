@@ -13,7 +13,10 @@
 #import umbravox::curve_nodes::add_counts
 #endif
 #import umbravox::dsm_layout::{params, DEPTH_STEPS, MAX_LATTICE_STEPS}
-#ifdef MARCHES
+#ifdef PRISM
+#import umbravox::prism::march_prism
+#import umbravox::sink::start_sink
+#else ifdef MARCHES
 #import umbravox::march::march
 #import umbravox::sink::start_sink
 #endif
@@ -115,9 +118,13 @@ fn build_texel(here: vec2<u32>, record: u32, thread: u32) {
     let z_end = light.depth_start_mm + DEPTH_STEPS / params.depth_steps_per_mm;
     start_writer(record, thread);
 #ifdef WHOLE_CURVE
-    let ray = light_ray(texel);
     var sink = start_sink();
+#ifdef PRISM
+    march_prism(&sink, texel, light.depth_start_mm, z_end);
+#else
+    let ray = light_ray(texel);
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
+#endif
 #else
     regular_curve(texel, light.depth_start_mm, z_end);
 #endif

@@ -41,7 +41,8 @@ struct Params {
     // Number of quads of nodes for which the map has space, and the binary logarithm of the width of their texture.
     quads: u32,
     quads_width_shift: u32,
-    padding: u32,
+    // Error bound of the stored transmittance of an enclosing curve.
+    transmittance_error: f32,
 }
 
 @group(1) @binding(1) var<uniform> params: Params;

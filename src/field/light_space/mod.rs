@@ -7,9 +7,11 @@ mod boxes;
 mod fit;
 mod lines;
 mod mapping;
+mod prism;
 mod rounding;
 mod tiles;
 
 pub use mapping::{LightSpace, MapShape, Projection};
+pub use prism::Prism;
 pub use rounding::Rounding;
 pub use tiles::TileSet;

@@ -90,6 +90,8 @@ pub const SHOWN: &[TableColumn] = &[
     text("bound_held", "bound held", true),
     wide("point_bound_lateral_mm", "point bound lateral", "mm"),
     text("point_bound_held", "point bound held", true),
+    wide("enclosure_width", "enclosure width", ""),
+    text("enclosure_held", "enclosure held", true),
     text("pareto", "Pareto", false),
     text("tuned", "tuned", true),
     text("status", "status", true),

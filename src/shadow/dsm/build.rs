@@ -4,7 +4,9 @@ use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_
 use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, NodePool, NodePoolSizes, NodePools, TILE_TEXELS, TileMarch};
-use crate::gpu::{Read, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer};
+use crate::gpu::{
+    Read, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
+};
 use crate::shadow::keys::MarchBy;
 use crate::shadow::method::{BuildReport, Method, ShadowMap};
 use crate::shadow::tolerances::longest_depth;
@@ -30,7 +32,15 @@ pub(super) struct DsmParams {
     least_weight: f32,
     pub(super) quads: u32,
     pub(super) quads_width_shift: u32,
-    padding: u32,
+    transmittance_error: f32,
+}
+
+impl DsmParams {
+    /// Sets the offset in depth of queries, and the error bound by which they widen a transmittance.
+    pub(super) fn set_widening(&mut self, depth_offset_mm: f64, transmittance_error: f64) {
+        self.depth_offset_mm = depth_offset_mm as f32;
+        self.transmittance_error = transmittance_error as f32;
+    }
 }
 
 /// Counts of curve nodes, rows and texels that the GPU adds up while it builds a deep shadow map; mirrors struct
@@ -77,6 +87,15 @@ impl RowOutputs {
     }
 }
 
+/// Compute pass that marches light rays and stores their curves in rows.
+pub(super) struct RowPass<'a> {
+    pub(super) shader: ShaderVariant,
+    /// Bindings of bind group 2 that this pass needs beside those of all such passes.
+    pub(super) own: &'a [(u32, Slot<'a>)],
+    /// Hint for the error that the adapter ended rays early.
+    pub(super) hint: Option<&'static str>,
+}
+
 /// Rows of curve nodes of all light rays, as the march stored them.
 pub(super) struct BuiltRows {
     pub(super) outputs: RowOutputs,
@@ -91,6 +110,11 @@ impl BuiltRows {
     fn bytes(&self) -> u64 {
         let RowOutputs { rows, counters, requested, blocks } = &self.outputs;
         u64::from(rows.quads) * QUAD_BYTES + counters.size() + requested.size() + blocks.size()
+    }
+
+    /// Returns the duration of the passes that marched the light rays.
+    pub(super) fn device(&self) -> Span {
+        self.device
     }
 }
 
@@ -116,7 +140,7 @@ impl DeepShadowMap {
                 as f32,
             quads: 0,
             quads_width_shift: 0,
-            padding: 0,
+            transmittance_error: 0.0,
         }
     }
 
@@ -125,11 +149,15 @@ impl DeepShadowMap {
     /// # Errors
     /// The adapter cannot hold the map, or it ended light rays early.
     pub(super) fn build_map(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let known = context.node_pools.last_sizes(&self.spec().to_string());
+        let key = self.spec().to_string();
+        let known = context.node_pools.last_sizes(&key);
         // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;
-        let rows = self.build_rows(context, &tiles, known)?;
+        let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
+        let hint = many.then_some(LOOP_LIMIT_HINT);
+        let pass = RowPass { shader: self.build_shader(), own: &[], hint };
+        let rows = self.build_rows(context, &tiles, &pass, known)?;
         let left_out = tiles.tiles - tiles.built;
         let (build_bytes, pool_growths, device) = (rows.bytes(), rows.pool_growths, rows.device);
         let nodes = self.compact(context, &tiles, rows, known)?;
@@ -145,8 +173,10 @@ impl DeepShadowMap {
             ..Default::default()
         };
         if let Some(words) = &nodes.counted {
-            self.add_counts(&mut report, &self.counters(words)?, context.node_pools);
+            self.add_counts(&mut report, &self.counters(words)?, key, context.node_pools);
         }
+        let enclosure = self.build_enclosure(context, &tiles)?;
+        enclosure.iter().for_each(|enclosure| report.add_enclosure(enclosure));
         Ok(ShadowMap {
             method: NAME,
             group: nodes.group(context, &tiles),
@@ -154,15 +184,17 @@ impl DeepShadowMap {
             report,
             bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
+            enclosure,
             _pool: Some(nodes.pool),
         })
     }
 
     /// Marches all light rays, and stores the nodes of their compressed curves in rows.
-    fn build_rows(
+    pub(super) fn build_rows(
         &self,
         context: &BuildContext<'_>,
         tiles: &TileMarch<'_>,
+        pass: &RowPass<'_>,
         known: Option<NodePoolSizes>,
     ) -> Result<BuiltRows> {
         let gpu = context.gpu();
@@ -175,7 +207,7 @@ impl DeepShadowMap {
         params.pool_rows = pool.quads / ROW_QUADS;
         let outputs = |pool, used: u32| RowOutputs::new(context, pool, tiles.built, used);
         let mut first = outputs(&pool, 0)?;
-        let (mut device, counted) = self.fill(context, tiles, None, &params, &first)?;
+        let (mut device, counted) = self.fill(context, tiles, pass, None, &params, &first)?;
         let mut pool_growths = 0;
         let overflow_rows = counted.map_or(0, |counters| counters.overflow_rows);
         if params.tile_rows + overflow_rows > params.pool_rows {
@@ -189,7 +221,7 @@ impl DeepShadowMap {
             params.pool_rows = larger.quads / ROW_QUADS;
             copy_rows(gpu, &pool.view, &larger.view, (before * ROW_QUADS) >> ROWS_WIDTH_SHIFT)?;
             let again = outputs(&larger, before - params.tile_rows)?;
-            let (took, counted) = self.fill(context, tiles, Some(&short), &params, &again)?;
+            let (took, counted) = self.fill(context, tiles, pass, Some(&short), &params, &again)?;
             device = device.plus(took);
             pool_growths = 1;
             let overflow_rows = counted.map_or(0, |counters| counters.overflow_rows);
@@ -209,26 +241,31 @@ impl DeepShadowMap {
         &self,
         context: &BuildContext<'_>,
         tiles: &TileMarch<'_>,
+        pass: &RowPass<'_>,
         some: Option<&[usize]>,
         params: &DsmParams,
         outputs: &RowOutputs,
     ) -> Result<(Span, Option<Counters>)> {
         let params = uniform_buffer(context.gpu(), "deep shadow map", params);
-        let stage = [
+        let rows = [
             (1, Slot::store(&outputs.rows.view, NODE_FORMAT)),
             (2, Slot::read_write(outputs.counters.as_entire_binding())),
             (3, Slot::read_write(outputs.requested.as_entire_binding())),
             (4, Slot::read_write(outputs.blocks.as_entire_binding())),
         ];
         let params = [(1, context.kernels.uniform(&params))];
-        let (label, shader) = ("deep shadow map build", self.build_shader());
+        let stage = [&rows, pass.own].concat();
+        let (label, shader) = ("deep shadow map build", &pass.shader);
         let read = outputs.counts();
         let ran = match some {
-            None => tiles.run(label, &shader, &params, &stage, Some(read)),
-            Some(places) => tiles.run_again(places, label, &shader, &params, &stage, Some(read)),
+            None => tiles.run(label, shader, &params, &stage, Some(read)),
+            Some(places) => tiles.run_again(places, label, shader, &params, &stage, Some(read)),
         };
-        let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
-        let (span, words) = ran.map_err(|e| if many { e.hint(LOOP_LIMIT_HINT) } else { e })?;
+        let with_hint = |e: Error| match pass.hint {
+            Some(hint) => e.hint(hint),
+            None => e,
+        };
+        let (span, words) = ran.map_err(with_hint)?;
         Ok((span, words.map(|words| self.counters(&words)).transpose()?))
     }
 
@@ -243,7 +280,7 @@ impl DeepShadowMap {
         pools: &NodePools,
     ) -> Result<bool> {
         let counters = self.counters(words)?;
-        self.add_counts(report, &counters, pools);
+        self.add_counts(report, &counters, self.spec().to_string(), pools);
         Ok(counters.missing_rows == 0 && report.bytes_used <= report.bytes)
     }
 
@@ -251,7 +288,7 @@ impl DeepShadowMap {
     ///
     /// # Errors
     /// The adapter ended light rays early.
-    fn counters(&self, words: &[u32]) -> Result<Counters> {
+    pub(super) fn counters(&self, words: &[u32]) -> Result<Counters> {
         let counters: Counters = bytemuck::pod_read_unaligned(bytemuck::cast_slice(words));
         if counters.texels_cut > 0 {
             let why = format!("the adapter ended {} light rays early", counters.texels_cut);
@@ -262,14 +299,20 @@ impl DeepShadowMap {
         Ok(counters)
     }
 
-    /// Adds the counts of a build to its report, and records the sizes of the pools that it needed.
-    fn add_counts(&self, report: &mut BuildReport, counters: &Counters, pools: &NodePools) {
+    /// Adds the counts of a build to its report, and records the sizes of the pools that it needed under a key.
+    pub(super) fn add_counts(
+        &self,
+        report: &mut BuildReport,
+        counters: &Counters,
+        key: String,
+        pools: &NodePools,
+    ) {
         let texels = report.texels_built().max(1) as f64;
         let used = NodePoolSizes {
             overflow_rows: f64::from(counters.overflow_rows) / texels,
             quads: f64::from(counters.quads_needed) / texels,
         };
-        pools.learn_sizes(self.spec().to_string(), used);
+        pools.learn_sizes(key, used);
         report.bytes_used += u64::from(counters.quads_needed) * QUAD_BYTES;
         report.nodes_total = Some(u64::from(counters.nodes_total));
         report.nodes_max = Some(u64::from(counters.nodes_max));
@@ -316,6 +359,6 @@ mod tests {
         assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, quads_needed, texels_cut,
             texels_narrowed, texels_hit, quads, missing_rows);
         assert_layout!(&build, "Params", DsmParams: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
-            depth_offset_mm, depth_steps_per_mm, least_weight, quads, quads_width_shift);
+            depth_offset_mm, depth_steps_per_mm, least_weight, quads, quads_width_shift, transmittance_error);
     }
 }

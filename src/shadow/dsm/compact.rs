@@ -3,11 +3,12 @@
 use super::DeepShadowMap;
 use super::build::{BuiltRows, DsmParams, node_pool, with_reserve};
 use super::layout::{
-    BLOCK, DIRECTORY_FORMAT, NODE_FORMAT, QUAD_BYTES, ROWS_WIDTH_SHIFT, allocate_shader, compact_shader,
+    BLOCK, DIRECTORY_FORMAT, NODE_FORMAT, QUAD_BYTES, ROWS_WIDTH_SHIFT, Side, allocate_shader, compact_shader,
 };
 use crate::error::Result;
 use crate::field::{BuildContext, NodePool, NodePoolSizes, TileMarch, line_of_workgroups};
 use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer};
+use crate::shadow::bound::Bound;
 use std::sync::Arc;
 
 /// Curve nodes of a finished deep shadow map.
@@ -33,6 +34,15 @@ impl MapNodes {
     pub(super) fn directory_bytes(&self) -> u64 {
         let [columns, rows] = self.blocks.map(u64::from);
         8 * columns * rows
+    }
+
+    /// Makes queries of the curves return a bound on the given side, widened by the error bound of the curves.
+    pub(super) fn widen(&mut self, bound: Bound, side: Side) {
+        let offset_mm = match side {
+            Side::Lower => bound.depth_mm,
+            Side::Upper => -bound.depth_mm,
+        };
+        self.params.set_widening(offset_mm, bound.transmittance);
     }
 
     /// Creates bind group 1 of queries.

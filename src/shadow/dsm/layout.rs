@@ -52,6 +52,22 @@ const CONSTANTS: &[Constant] = &[
 /// WGSL modules of the rows that a build writes, and of its counters.
 const ROW_MODULES: [&str; 2] = ["shadow/dsm/row_layout.wgsl", "shadow/dsm/counters.wgsl"];
 
+/// Side on which a curve bounds the exact transmittance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    Lower,
+    Upper,
+}
+
+impl Side {
+    pub const BOTH: [Self; 2] = [Self::Lower, Self::Upper];
+
+    /// Returns the preprocessor definition of a shader for this side.
+    pub fn def(self) -> Option<&'static str> {
+        (self == Self::Upper).then_some("UPPER")
+    }
+}
+
 fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry)
         .with_tile_table()

@@ -34,25 +34,27 @@
 mod build;
 mod compact;
 mod count;
+mod enclosure;
 mod layout;
 
 pub use count::{NodeMap, node_depths, node_map};
 
-use layout::{DEPTH_STEPS, NAME, UPRIGHT_STEPS, map_shader, rows_shader};
+use layout::{DEPTH_STEPS, NAME, Side, UPRIGHT_STEPS, map_shader, rows_shader};
 
+use super::bound::Bound;
 use super::keys::{
     ALIGN_KEY, Align, DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY,
     MARCH_KEY, MarchBy, NEAR_KEY, UNLESS_LINES, settings,
 };
 use super::lookup::{Lookup, steepest_mm};
-use super::method::{Bound, BuildReport, Curve, Entry, Method, ShadowMap, Taps};
+use super::method::{BuildReport, Curve, Entry, Method, ShadowMap, Taps};
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
-use super::tolerances::{CHORD_TOLERANCE, GREEDY, march_bound};
+use super::tolerances::{CHORD_TOLERANCE, GREEDY, MARCH_ERROR, march_bound};
 use crate::error::Result;
 use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools, Rounding};
-use crate::gpu::ShaderVariant;
 use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
+use crate::gpu::{Constant, ShaderVariant};
 
 /// Bound on the error in transmittance from rounding optical depth at the ends of a line segment to 15 bits of 8
 /// (`segments=optical_depth`), and of its exponential.
@@ -94,6 +96,16 @@ choices! {
         Transmittance = "transmittance",
         /// Segments of a transmittance curve on which optical depth is linear in depth, as in a homogeneous medium.
         OpticalDepth = "optical_depth",
+    }
+}
+
+choices! {
+    /// Whether a deep shadow map also stores bounds on the exact transmittance at every point.
+    pub enum Enclose {
+        /// Stores only the transmittance curves of light rays.
+        Off = "off",
+        /// Stores a lower and an upper bound on the exact transmittance at every point as well.
+        On = "on",
     }
 }
 
@@ -175,6 +187,14 @@ settings! {
         /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each
         /// makes its own.
         lookup: Lookups = LOOKUP_KEY,
+        /// Whether a lower and an upper bound on the exact transmittance at every point are stored as well.
+        enclose: Enclose = Key::choice(
+            Enclose::NAMES,
+            "off",
+            "also stores a lower and an upper bound on the exact transmittance at every point",
+        )
+        .coarse("off")
+        .when(UNLESS_LINES),
     }
 }
 
@@ -240,7 +260,7 @@ impl DeepShadowMap {
 
     /// Returns the error bound of a deep shadow map, or `None` unless its light rays are marched cell by cell with
     /// the pre-compressed table, from the point of a query on. `docs/bound.md` derives its terms.
-    fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
+    pub(super) fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
         if self.precompress == Precompress::Off || self.march() != March::Cells {
             return None;
         }
@@ -293,14 +313,32 @@ impl DeepShadowMap {
         self.has_depth_segments().then_some("OPTICAL_DEPTH")
     }
 
-    fn build_shader(&self) -> ShaderVariant {
+    /// Returns a shader that stores curves in rows, without the march of light rays.
+    fn curve_shader(&self) -> ShaderVariant {
         let compress = match self.compress {
             Compress::Greedy => GREEDY,
             Compress::Optimal => "shadow/dsm/tunnel.wgsl",
         };
         let modules = ["field/tiles.wgsl", "shadow/dsm/rows.wgsl", compress];
-        let shader = rows_shader("shadow/dsm/build.wgsl").modules(&modules);
-        let shader = shader.defs((self.taps_a_texel() > 1).then_some("PREFILTER")).defs(self.segment_def());
+        rows_shader("shadow/dsm/build.wgsl").modules(&modules).defs(self.segment_def())
+    }
+
+    /// Returns the shader that builds the enclosing curves of one side.
+    fn prism_shader(&self, side: Side) -> ShaderVariant {
+        let modules =
+            ["field/sums.wgsl", "shadow/dsm/sink.wgsl", "shadow/dsm/ranges.wgsl", "shadow/dsm/prism.wgsl"];
+        self.curve_shader().modules(&modules).defs(["WHOLE_CURVE", "MARCHES", "PRISM"]).defs(side.def())
+    }
+
+    /// Returns the shader code of queries for a bound on the transmittance.
+    fn bounding_lookup(&self, side: Side) -> Lookup {
+        let shader = map_shader("").with_depth_march().with_alignment(Align::Off, Filter::Nearest);
+        let shader = shader.modules(&["shadow/dsm/lookup.wgsl"]).defs(self.segment_def()).defs(side.def());
+        Lookup::enclosing(shader.constants(&[Constant::float("MARCH_ERROR", MARCH_ERROR as f32)]))
+    }
+
+    fn build_shader(&self) -> ShaderVariant {
+        let shader = self.curve_shader().defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
             (_, true) => {
                 shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
@@ -342,7 +380,11 @@ impl Method for DeepShadowMap {
     fn passes(&self) -> Vec<ShaderVariant> {
         let finish = [layout::allocate_shader(), layout::compact_shader()];
         let counts = [count::shader(), count::steps_shader()];
-        [self.build_shader()].into_iter().chain(finish).chain(counts).collect()
+        let curves = self.enclosing_curves();
+        let enclosing =
+            |side| [curves.prism_shader(side), curves.bounding_lookup(side).within("render/query.wgsl")];
+        let sides = Side::BOTH.into_iter().filter(|_| self.enclose == Enclose::On).flat_map(enclosing);
+        [self.build_shader()].into_iter().chain(finish).chain(counts).chain(sides).collect()
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

@@ -311,6 +311,7 @@ impl Built<'_> {
             light_space: self.tiles.light_space,
             report: self.report,
             bound: None,
+            enclosure: None,
             _pool: None,
         }
     }

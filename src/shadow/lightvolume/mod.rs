@@ -306,6 +306,7 @@ impl Method for LightVolume {
                 ..Default::default()
             },
             bound: None,
+            enclosure: None,
             _pool: None,
         })
     }

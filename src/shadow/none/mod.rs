@@ -59,6 +59,7 @@ pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> Sh
         light_space,
         report: BuildReport::default(),
         bound: None,
+        enclosure: None,
         _pool: None,
     }
 }

@@ -266,6 +266,7 @@ impl VectorMapDescriptor {
             light_space: tiles.light_space,
             report,
             bound: None,
+            enclosure: None,
             _pool: None,
         })
     }

@@ -16,6 +16,7 @@ use ndarray::Array3;
 use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::measure::bound_check::BoundReport;
+use umbravox::measure::enclosure_check::{EnclosureReport, EnclosureTest};
 use umbravox::measure::errors::RayTest;
 use umbravox::measure::point_bound::{PointReport, PointTest};
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
@@ -52,6 +53,8 @@ pub struct Attack {
     pub prefilter: Option<u32>,
     /// Compression of the map's curves to nodes, with settings.
     pub compress: &'static str,
+    /// Whether the map also encloses the exact transmittance.
+    pub encloses: bool,
 }
 
 /// Result of one attack scene.
@@ -60,6 +63,7 @@ pub struct Outcome {
     pub report: BoundReport,
     /// Test of the bound at points between the rays of texels.
     pub points: PointReport,
+    pub enclosure: EnclosureReport,
     pub bound: Bound,
     pub min_spacing_mm: f64,
 }
@@ -71,7 +75,7 @@ impl Outcome {
     }
 
     pub fn held(&self) -> bool {
-        self.report.violations == 0 && self.points.violations == 0
+        self.report.violations == 0 && self.points.violations == 0 && self.enclosure.violations == 0
     }
 }
 
@@ -229,6 +233,7 @@ impl Attack {
                 _ => Some(1),
             },
             compress: "greedy",
+            encloses: rng.u32(..4) == 0,
         };
         if quantity == Quantity::Extinction {
             attack.points.iter_mut().for_each(|p| p.1 /= size);
@@ -332,8 +337,11 @@ impl Attack {
         match self.prefilter {
             None => "rays".into(),
             Some(n) => format!(
-                "dsm:epsilon={},compress={},map={},filter={filter},prefilter={n}",
-                self.epsilon, self.compress, self.map
+                "dsm:epsilon={},compress={},map={},filter={filter},prefilter={n},enclose={}",
+                self.epsilon,
+                self.compress,
+                self.map,
+                if self.encloses { "on" } else { "off" }
             ),
         }
     }
@@ -367,7 +375,9 @@ impl Attack {
         let cells: Vec<[u32; 2]> = texels.iter().copied().step_by(step).collect();
         let between = PointTest { cells: &cells, points_a_cell: 8 * DEPTHS, taps: test.taps };
         let points = between.run(&field, self.light, &session, &map)?;
-        Ok(Outcome { report, points, bound: map.bound.expect("a bound"), min_spacing_mm })
+        let prisms = EnclosureTest { texels: &cells, points_a_texel: 8 * DEPTHS };
+        let enclosure = prisms.run(&field, self.light, &session, &map)?;
+        Ok(Outcome { report, points, enclosure, bound: map.bound.expect("a bound"), min_spacing_mm })
     }
 }
 

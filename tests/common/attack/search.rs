@@ -90,6 +90,11 @@ impl Found {
                 self.refused += 1;
                 return f64::NEG_INFINITY;
             }
+            // So may prisms that meet many voxels.
+            Err(e) if attack.encloses && e.to_string().contains("prisms of a larger map") => {
+                self.refused += 1;
+                return f64::NEG_INFINITY;
+            }
             Err(e) => {
                 self.broken.push(format!("{what}: {e}\n  {}", attack.shown()));
                 return f64::NEG_INFINITY;
