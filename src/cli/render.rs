@@ -4,10 +4,12 @@ use super::console::{load_scene, print_json, print_message};
 use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
 use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
+use crate::exact::ExactField;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::{Clock, Gpu};
+use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
 use crate::open::{Loaded, SceneArgs, SceneRequest};
 use crate::render::{Omission, Picture, Renderer};
@@ -30,6 +32,10 @@ pub struct RenderArgs {
     /// .apng and .gif are one animated file
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Print an upper bound, at 99 % confidence, on the mean error of the picture's shadows, and an estimate of that
+    /// error: from the exact transmittance at 10,000 random points
+    #[arg(long, conflicts_with_all = ["turntable", "light_sweep"])]
+    pub error_bound: bool,
 }
 
 /// Runs the `render` command: renders one picture, or the pictures of a rotation, and writes them to files.
@@ -54,7 +60,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     // A shadow map is reused only if a new one would be identical, so each picture equals one rendered alone.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
-    session.load(volume, strands)?;
+    session.load(Arc::clone(&volume), strands)?;
+    let exact = args.error_bound.then(|| ExactField::new(&volume, &tf));
     session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
         let mut resolved = settings.resolved(scene, &tf_source, suiting);
@@ -70,7 +77,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
             let prepared = session.prepare(method.as_ref(), extent, &mut Work::default())?;
             let picture = prepared.render(&scene)?;
             write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene)?)?;
-            summary_of(&prepared, &picture)
+            let mean_error = exact.map(|field| mean_error(&field, &scene, &prepared)).transpose()?;
+            Summary { mean_error, ..summary_of(&prepared, &picture) }
         }
         Some(plan) => {
             let writer = RotationWriter { plan, backdrop, texts: &texts };
@@ -78,6 +86,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
             Summary { frames: Some(frames), ..first }
         }
     };
+    if let Some(MeanError { estimate, bound }) = summary.mean_error {
+        print_message("mean error", &format!("at most {bound:.4} (99 % confidence), about {estimate:.4}"));
+    }
     if run.explain {
         summary.explain();
     }
@@ -85,6 +96,13 @@ pub fn run(args: RenderArgs) -> Result<()> {
         print_json(&summary)?;
     }
     Ok(())
+}
+
+/// Returns the mean error of the shadows of a picture.
+fn mean_error(field: &ExactField, scene: &Scene, prepared: &Prepared<'_>) -> Result<MeanError> {
+    let Prepared { renderer, loaded, transfer, shadows } = prepared;
+    let sample = MeanErrorSample::new(field, scene, MEAN_ERROR_POINTS);
+    sample.of(shadows, |map, points| renderer.query(loaded, transfer, map, points))
 }
 
 /// Output of `render --json`: times and memory of the first picture, and a record of each picture of a rotation in
@@ -112,6 +130,8 @@ struct Summary {
     pool_growths: u32,
     bound: Option<f64>,
     bound_depth_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mean_error: Option<MeanError>,
     lights: Vec<LightCost>,
     left_out: Vec<Omission>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -160,6 +180,7 @@ impl Summary {
             pool_growths: report.pool_growths,
             bound: bound.map(|b| b.transmittance),
             bound_depth_mm: bound.map(|b| b.depth_mm),
+            mean_error: None,
             lights: scene.shining().into_iter().zip(maps()).map(LightCost::new).collect(),
             left_out: picture.plan.left_out.clone(),
             frames: None,

@@ -20,6 +20,9 @@ pub struct VisiblePoint {
 /// the camera sees next to nothing.
 const MOST_CANDIDATES_PER_POINT: usize = 64;
 
+/// Odd factor that spreads consecutive numbers over the seeds of pseudo-random numbers.
+const SPREAD: u64 = 0xd134_2543_de82_ef95;
+
 impl ExactField<'_> {
     /// Samples `n` points of the volume that the camera sees, or fewer where it sees hardly any. The same `seed`
     /// gives the same points.
@@ -45,6 +48,19 @@ impl ExactField<'_> {
         }
         points.truncate(n);
         points
+    }
+
+    /// Draws `n` pixels of the picture of `scene` at random, and a point behind each with density
+    /// `T_eye sigma / opacity`. All draws are independent (pseudo-random); the same `seed` gives the same points. It is
+    /// `None` for pixels without opacity.
+    pub fn random_visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<Option<VisiblePoint>> {
+        let drawn = |index: usize| {
+            let [x, y, quantile] =
+                [0, 1, 2].map(|k| unit_hash(seed.wrapping_add(3 * index as u64 + k).wrapping_mul(SPREAD)));
+            let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
+            self.visible_point_of_pixel(scene, pixel, quantile)
+        };
+        (0..n).into_par_iter().map(drawn).collect()
     }
 
     /// Returns the median visible point behind each pixel in the given rows, row by row: half of the pixel's opacity

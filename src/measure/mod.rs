@@ -39,6 +39,7 @@ pub mod facts;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
+pub mod mean_error;
 pub mod pareto;
 pub mod point_bound;
 mod point_checks;

@@ -8,6 +8,7 @@ use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
 use super::job::{Checked, Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
+use super::mean_error::{MEAN_ERROR_POINTS, MeanErrorSample};
 use super::point_bound::PointReport;
 use super::point_checks::PointChecks;
 use super::progress::{Progress, Step, StepKind};
@@ -54,6 +55,7 @@ pub(super) struct Reference<'a> {
     facts: &'a Facts,
     field: &'a ExactField<'a>,
     visible: VisiblePointsByLight,
+    random: MeanErrorSample,
     exact_picture: ExactPicture,
     /// Transmittance from the light through the strands as cylinders, if the volume was voxelised from strands.
     strands: Option<StrandReference>,
@@ -104,6 +106,7 @@ impl<'a> Reference<'a> {
         if visible.count() < job.effort.points {
             notes.push(format!("point errors are of {} points: the camera sees little", visible.count()));
         }
+        let random = MeanErrorSample::new(field, job.scene, job.effort.points.min(MEAN_ERROR_POINTS));
         progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
         let pixels = field.picture(&small);
@@ -142,6 +145,7 @@ impl<'a> Reference<'a> {
             facts,
             field,
             visible,
+            random,
             exact_picture,
             strands,
             texels: Vec::new(),
@@ -237,6 +241,9 @@ impl<'a> Reference<'a> {
             if let Some(stats) = self.visible.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
             }
+            let maps: Vec<&ShadowMap> = shadows.iter().collect();
+            let random = self.random.of(&maps, |map, points| job.session.query(map, points))?;
+            row.image_mean_err_bound = Some(random.bound);
             if let (Some(strands), [shadow]) = (&self.strands, &shadows[..]) {
                 row.strand_err_rms = strands.rms(job.session, shadow)?;
             }

@@ -119,6 +119,9 @@ columns! {
     /// Mean structural similarity (SSIM) of the method's picture and the exact picture, of sRGB-encoded channels.
     /// Both have about 1,500 pixels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
+    /// Upper bound, at 99 % confidence, on the mean error of the picture's shadows: the mean over pixels and lights of
+    /// `integral(T_eye sigma |T_method - T_exact| dt)`. From 10,000 random points; no assumption about the errors.
+    image_mean_err_bound [""]: Option<f64>,
     /// Estimated error of the exact picture: largest change of a colour channel under finer integration.
     image_exact_err [""]: Option<f64>,
     /// Error bound that the shadow method states along light rays: tolerance in transmittance. Empty for methods

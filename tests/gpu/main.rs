@@ -27,6 +27,7 @@ mod light_volume;
 mod lights;
 mod lines;
 mod links;
+mod mean_error;
 mod mesh;
 mod near;
 mod nodes;
