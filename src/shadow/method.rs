@@ -237,6 +237,9 @@ impl BuildReport {
                 (own, more) => own.or(more),
             };
             self.enclosure_bytes += map.report.bytes;
+            // The curves are built one after another.
+            self.build_bytes = self.build_bytes.max(map.report.build_bytes);
+            self.pool_growths += map.report.pool_growths;
         }
     }
 

@@ -116,10 +116,18 @@ fn corner_transmittances(around: Corners, shift: vec4<f32>) -> vec4<f32> {
 }
 #endif
 
+#ifdef LOWER
+// Distance from the map, in texels, up to which rounding may have moved a position on its border.
+const BORDER: f32 = 1e-3;
+#else
+const BORDER: f32 = 0.0;
+#endif
+
 // Whether a position on the map lies outside of it, where nothing has extinction.
 fn is_outside(texel: vec2<f32>) -> bool {
-    let last = f32(light.map_size) - 0.5;
-    return !(all(texel >= vec2<f32>(-0.5)) && all(texel <= vec2<f32>(last)));
+    let first = -0.5 - BORDER;
+    let last = f32(light.map_size) - 0.5 + BORDER;
+    return !(all(texel >= vec2<f32>(first)) && all(texel <= vec2<f32>(last)));
 }
 
 // Returns the depth of a query in steps of the map, which may lie outside of its range.
@@ -141,6 +149,24 @@ fn transmittance(g: vec3<f32>) -> f32 {
     return texel_transmittance(first, clamp(step, 0.0, LAST_STEP));
 #endif
 }
+
+#ifdef BOUNDS
+// Returns the bound on the transmittance from the light to a grid-space point that an enclosing curve gives. Before its
+// first node a curve is 1 without error.
+fn bounding_transmittance(g: vec3<f32>) -> f32 {
+    let p = light_point(g);
+    if is_outside(p.texel) { return 1.0; }
+    let first = first_nodes(head_of(wrapped_texel(vec2<i32>(round(p.texel)))));
+    let step = clamp(depth_step(p.z), 0.0, LAST_STEP);
+    let stored = texel_transmittance(first, step);
+#ifdef LOWER
+    let bound = max(stored - params.transmittance_error, 0.0);
+#else
+    let bound = min(stored + params.transmittance_error, 1.0);
+#endif
+    return select(bound, 1.0, node_step(first.x) > u32(step));
+}
+#endif
 
 #ifdef KNOWN_RANGE
 // Transmittance of a map at a point, and the range in which the texels around it allow it.

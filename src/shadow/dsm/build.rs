@@ -89,6 +89,8 @@ impl RowOutputs {
 
 /// Compute pass that marches light rays and stores their curves in rows.
 pub(super) struct RowPass<'a> {
+    /// Name of the pass, under which its pace is known.
+    pub(super) label: &'static str,
     pub(super) shader: ShaderVariant,
     /// Bindings of bind group 2 that this pass needs beside those of all such passes.
     pub(super) own: &'a [(u32, Slot<'a>)],
@@ -112,9 +114,18 @@ impl BuiltRows {
         u64::from(rows.quads) * QUAD_BYTES + counters.size() + requested.size() + blocks.size()
     }
 
-    /// Returns the duration of the passes that marched the light rays.
-    pub(super) fn device(&self) -> Span {
-        self.device
+    /// Returns the report on the build of these rows, without counts.
+    pub(super) fn report(&self, tiles: &TileMarch<'_>) -> BuildReport {
+        let left_out = tiles.tiles - tiles.built;
+        BuildReport {
+            device: Some(self.device),
+            build_bytes: self.bytes(),
+            tiles: tiles.tiles,
+            tiles_left_out: left_out,
+            bytes_left_out: u64::from(left_out * TILE_TEXELS * ROW_QUADS) * QUAD_BYTES,
+            pool_growths: self.pool_growths,
+            ..Default::default()
+        }
     }
 }
 
@@ -156,22 +167,13 @@ impl DeepShadowMap {
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;
         let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
         let hint = many.then_some(LOOP_LIMIT_HINT);
-        let pass = RowPass { shader: self.build_shader(), own: &[], hint };
+        let (label, shader) = ("deep shadow map build", self.build_shader());
+        let pass = RowPass { label, shader, own: &[], hint };
         let rows = self.build_rows(context, &tiles, &pass, known)?;
-        let left_out = tiles.tiles - tiles.built;
-        let (build_bytes, pool_growths, device) = (rows.bytes(), rows.pool_growths, rows.device);
+        let mut report = rows.report(&tiles);
         let nodes = self.compact(context, &tiles, rows, known)?;
-        let mut report = BuildReport {
-            device: Some(device.plus(nodes.device)),
-            bytes: nodes.bytes(&tiles),
-            bytes_used: nodes.directory_bytes(),
-            build_bytes,
-            tiles: tiles.tiles,
-            tiles_left_out: left_out,
-            bytes_left_out: u64::from(left_out * TILE_TEXELS * ROW_QUADS) * QUAD_BYTES,
-            pool_growths,
-            ..Default::default()
-        };
+        nodes.add_to(&mut report);
+        report.bytes += tiles.table_bytes();
         if let Some(words) = &nodes.counted {
             self.add_counts(&mut report, &self.counters(words)?, key, context.node_pools);
         }
@@ -255,7 +257,7 @@ impl DeepShadowMap {
         ];
         let params = [(1, context.kernels.uniform(&params))];
         let stage = [&rows, pass.own].concat();
-        let (label, shader) = ("deep shadow map build", &pass.shader);
+        let (label, shader) = (pass.label, &pass.shader);
         let read = outputs.counts();
         let ran = match some {
             None => tiles.run(label, shader, &params, &stage, Some(read)),

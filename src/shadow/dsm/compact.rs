@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::field::{BuildContext, NodePool, NodePoolSizes, TileMarch, line_of_workgroups};
 use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer};
 use crate::shadow::bound::Bound;
+use crate::shadow::method::BuildReport;
 use std::sync::Arc;
 
 /// Curve nodes of a finished deep shadow map.
@@ -21,19 +22,17 @@ pub(super) struct MapNodes {
     /// Words of the counters of the build; `None` if it is deferred.
     pub(super) counted: Option<Vec<u32>>,
     /// Duration of the passes that copied the nodes.
-    pub(super) device: Span,
+    device: Span,
 }
 
 impl MapNodes {
-    /// Returns the memory that queries of the map can read, bytes.
-    pub(super) fn bytes(&self, tiles: &TileMarch<'_>) -> u64 {
-        u64::from(self.pool.quads) * QUAD_BYTES + self.directory_bytes() + tiles.table_bytes()
-    }
-
-    /// Returns the memory of the directory, bytes.
-    pub(super) fn directory_bytes(&self) -> u64 {
+    /// Adds the memory of the nodes and of the directory, and the duration of their passes, to the report of a build.
+    pub(super) fn add_to(&self, report: &mut BuildReport) {
         let [columns, rows] = self.blocks.map(u64::from);
-        8 * columns * rows
+        let directory_bytes = 8 * columns * rows;
+        report.device = report.device.map(|device| device.plus(self.device));
+        report.bytes = u64::from(self.pool.quads) * QUAD_BYTES + directory_bytes;
+        report.bytes_used = directory_bytes;
     }
 
     /// Makes queries of the curves return a bound on the given side, widened by the error bound of the curves.

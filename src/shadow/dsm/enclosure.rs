@@ -3,8 +3,8 @@
 //!
 //! All light rays whose nearest texel is the same pass through its prism. Along the prism, the largest extinction at
 //! each depth gives a transmittance below that of each of these rays, and the least extinction one above. Both curves
-//! are compressed like those of the map, within half of `epsilon`, and widened by the error bound of that compression:
-//! they lose at most `epsilon`, to their own side. As with the map, the last `near` voxels before a point are marched,
+//! are compressed like those of the map, within half of `epsilon`, and widened by the error bound of that compression.
+//! As with the map, the last `near` voxels before a point are marched,
 //! here cell by cell. `docs/bound.md` has the derivation.
 
 use super::build::RowPass;
@@ -15,7 +15,7 @@ use crate::field::{BuildContext, Prism, TileMarch};
 use crate::gpu::{Slot, table_texture, uniform_buffer};
 use crate::shadow::bound::Bound;
 use crate::shadow::keys::{Align, DrawnFrom, Filter, MarchBy};
-use crate::shadow::method::{BuildReport, Enclosure, ShadowMap};
+use crate::shadow::method::{Enclosure, ShadowMap};
 use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 
@@ -109,20 +109,14 @@ impl DeepShadowMap {
         let ranges =
             table_texture(gpu, "extinction ranges", wgpu::TextureFormat::Rg32Float, size, &table.ranges)?;
         let own = [(5, context.kernels.uniform(&uniform)), (6, Slot::floats(&ranges))];
-        let pass = RowPass { shader: self.prism_shader(side), own: &own, hint: Some(LOOP_LIMIT_HINT) };
+        let (label, shader) = ("enclosing curves build", self.prism_shader(side));
+        let pass = RowPass { label, shader, own: &own, hint: Some(LOOP_LIMIT_HINT) };
         let key = format!("{self:?} {side:?}");
         let known = context.node_pools.last_sizes(&key);
         let rows = self.build_rows(context, tiles, &pass, known)?;
-        let built = rows.device();
+        let mut report = rows.report(tiles);
         let mut nodes = self.compact(context, tiles, rows, known)?;
-        let mut report = BuildReport {
-            device: Some(built.plus(nodes.device)),
-            bytes: nodes.bytes(tiles) - tiles.table_bytes(),
-            bytes_used: nodes.directory_bytes(),
-            tiles: tiles.tiles,
-            tiles_left_out: tiles.tiles - tiles.built,
-            ..Default::default()
-        };
+        nodes.add_to(&mut report);
         if let Some(words) = &nodes.counted {
             self.add_counts(&mut report, &self.counters(words)?, key, context.node_pools);
         }

@@ -63,8 +63,11 @@ impl Side {
     pub const BOTH: [Self; 2] = [Self::Lower, Self::Upper];
 
     /// Returns the preprocessor definition of a shader for this side.
-    pub fn def(self) -> Option<&'static str> {
-        (self == Self::Upper).then_some("UPPER")
+    pub fn def(self) -> &'static str {
+        match self {
+            Self::Lower => "LOWER",
+            Self::Upper => "UPPER",
+        }
     }
 }
 

@@ -327,13 +327,14 @@ impl DeepShadowMap {
     fn prism_shader(&self, side: Side) -> ShaderVariant {
         let modules =
             ["field/sums.wgsl", "shadow/dsm/sink.wgsl", "shadow/dsm/ranges.wgsl", "shadow/dsm/prism.wgsl"];
-        self.curve_shader().modules(&modules).defs(["WHOLE_CURVE", "MARCHES", "PRISM"]).defs(side.def())
+        self.curve_shader().modules(&modules).defs(["WHOLE_CURVE", "MARCHES", "PRISM", side.def()])
     }
 
     /// Returns the shader code of queries for a bound on the transmittance.
     fn bounding_lookup(&self, side: Side) -> Lookup {
         let shader = map_shader("").with_depth_march().with_alignment(Align::Off, Filter::Nearest);
-        let shader = shader.modules(&["shadow/dsm/lookup.wgsl"]).defs(self.segment_def()).defs(side.def());
+        let shader =
+            shader.modules(&["shadow/dsm/lookup.wgsl"]).defs(self.segment_def()).defs(["BOUNDS", side.def()]);
         Lookup::enclosing(shader.constants(&[Constant::float("MARCH_ERROR", MARCH_ERROR as f32)]))
     }
 

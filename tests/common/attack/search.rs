@@ -93,7 +93,8 @@ impl Found {
             // So may prisms that meet many voxels.
             Err(e) if attack.encloses && e.to_string().contains("prisms of a larger map") => {
                 self.refused += 1;
-                return f64::NEG_INFINITY;
+                let without = Attack { encloses: false, ..attack.clone() };
+                return self.attempt(renderer, &without, what);
             }
             Err(e) => {
                 self.broken.push(format!("{what}: {e}\n  {}", attack.shown()));
