@@ -3,18 +3,19 @@
 use super::console::{load_scene, print_json, print_message};
 use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
 use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
-use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
+use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture, write_picture_with};
 use crate::gpu::{Clock, Gpu};
+use crate::measure::certified::{Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
-use crate::open::{Loaded, SceneArgs, SceneRequest};
+use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
-use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
+use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,6 +37,14 @@ pub struct RenderArgs {
     /// error: from the exact transmittance at 10,000 random points
     #[arg(long, conflicts_with_all = ["turntable", "light_sweep"])]
     pub error_bound: bool,
+    /// Draw a picture with a bound on the error of every pixel. The transmittance of a sample errs by at most ETA by the
+    /// bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow ray is cast
+    #[arg(long, value_name = "ETA", value_parser = values::within(0.0..=1.0),
+        conflicts_with_all = ["turntable", "light_sweep"])]
+    pub certify: Option<f64>,
+    /// With --certify: picture of the error bound of every pixel: .exr or .npy (linear, in all channels), or .png
+    #[arg(long, value_name = "FILE", requires = "certify")]
+    pub error_picture: Option<PathBuf>,
 }
 
 /// Runs the `render` command: renders one picture, or the pictures of a rotation, and writes them to files.
@@ -51,7 +60,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
     let SceneRequest { settings, run } = args.scene.into_request()?;
-    let method = settings.method()?;
+    let method = match args.certify {
+        None => settings.method()?,
+        Some(_) => enclosing(&settings.method_spec())?,
+    };
+    args.error_picture.iter().try_for_each(|path| check_output(path, PICTURE_EXTENSIONS))?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
@@ -61,7 +74,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
     session.load(Arc::clone(&volume), strands)?;
-    let exact = args.error_bound.then(|| ExactField::new(&volume, &tf));
+    let exact = (args.error_bound || args.certify.is_some()).then(|| ExactField::new(&volume, &tf));
     session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
         let mut resolved = settings.resolved(scene, &tf_source, suiting);
@@ -75,10 +88,19 @@ pub fn run(args: RenderArgs) -> Result<()> {
         None => {
             let extent = (&scene, MapCoverage::Picture);
             let prepared = session.prepare(method.as_ref(), extent, &mut Work::default())?;
-            let picture = prepared.render(&scene)?;
+            let mut picture = prepared.render(&scene)?;
+            let certified = match (&exact, args.certify) {
+                (Some(field), Some(eta)) => Some(certified_of(&prepared, field).render(&scene, eta)?),
+                _ => None,
+            };
+            certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
             write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene)?)?;
-            let mean_error = exact.map(|field| mean_error(&field, &scene, &prepared)).transpose()?;
-            Summary { mean_error, ..summary_of(&prepared, &picture) }
+            if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
+                write_picture(path, &certified.error_pixels())?;
+            }
+            let mean_error = exact.filter(|_| args.error_bound).map(|f| mean_error(&f, &scene, &prepared));
+            let certificate = certified.as_ref().map(CertifiedPicture::certificate);
+            Summary { mean_error: mean_error.transpose()?, certificate, ..summary_of(&prepared, &picture) }
         }
         Some(plan) => {
             let writer = RotationWriter { plan, backdrop, texts: &texts };
@@ -89,6 +111,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if let Some(MeanError { estimate, bound }) = summary.mean_error {
         print_message("mean error", &format!("at most {bound:.4} (99 % confidence), about {estimate:.4}"));
     }
+    if let Some(Certificate { largest, mean, share_of_rays }) = summary.certificate {
+        let rays = 100.0 * share_of_rays;
+        let text =
+            format!("error at most {largest:.4}, mean bound {mean:.4}, rays for {rays:.1} % of lookups");
+        print_message("certified", &text);
+    }
     if run.explain {
         summary.explain();
     }
@@ -96,6 +124,21 @@ pub fn run(args: RenderArgs) -> Result<()> {
         print_json(&summary)?;
     }
     Ok(())
+}
+
+/// Returns the shadow method of a certified picture: the given one with bounds on the exact transmittance.
+///
+/// # Errors
+/// The method cannot store bounds.
+fn enclosing(spec: &MethodSpec) -> Result<Box<dyn Method>> {
+    let why = "only dsm stores bounds on the exact transmittance";
+    let enclosing = spec.clone().with("enclose", "on");
+    enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))?.method()
+}
+
+fn certified_of<'a>(prepared: &'a Prepared<'_>, field: &'a ExactField<'a>) -> CertifiedScene<'a> {
+    let Prepared { renderer, loaded, transfer, shadows } = prepared;
+    CertifiedScene { renderer, loaded, transfer, shadows, field }
 }
 
 /// Returns the mean error of the shadows of a picture.
@@ -132,6 +175,8 @@ struct Summary {
     bound_depth_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mean_error: Option<MeanError>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    certificate: Option<Certificate>,
     lights: Vec<LightCost>,
     left_out: Vec<Omission>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -181,6 +226,7 @@ impl Summary {
             bound: bound.map(|b| b.transmittance),
             bound_depth_mm: bound.map(|b| b.depth_mm),
             mean_error: None,
+            certificate: None,
             lights: scene.shining().into_iter().zip(maps()).map(LightCost::new).collect(),
             left_out: picture.plan.left_out.clone(),
             frames: None,

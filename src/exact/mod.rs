@@ -10,6 +10,7 @@
 mod blocks;
 mod cubic;
 mod curve;
+mod eye_samples;
 mod law;
 mod picture;
 mod shading;
@@ -17,6 +18,7 @@ mod traversal;
 mod visible_points;
 
 pub use curve::OpticalDepthCurve;
+pub use eye_samples::{EyeRay, EyeSample};
 pub use visible_points::VisiblePoint;
 
 use crate::scene::Light;

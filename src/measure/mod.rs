@@ -25,6 +25,7 @@ pub mod ablate;
 pub mod bound_check;
 pub mod budget;
 mod cell;
+pub mod certified;
 pub mod check;
 mod columns;
 pub mod compare;

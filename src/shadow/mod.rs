@@ -62,5 +62,6 @@ pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_dis
 pub use search_space::{Axis, SearchSpace};
 pub use settings::{Key, Kind, Value, When};
 pub use style::{Marker, Style};
+pub use tolerances::MARCH_ERROR;
 
 pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};

@@ -4,6 +4,7 @@
 
 mod attack;
 mod bound;
+mod certified;
 mod checks;
 mod cli;
 mod clip;

@@ -71,6 +71,12 @@ fn bad_sequences_are_refused_in_a_line() {
         (&["--turntable=3"], "none/a.apng", "there is no folder"),
         (&["--turntable=3"], "taken.png", "taken_0002.png): it is a folder"),
         (&["--light-sweep=3", "--background=none"], "a.gif", "half-transparent"),
+        (&["--turntable=3", "--certify=0.1"], "a.png", "cannot be used with"),
+        (&["--turntable=3", "--error-bound"], "a.png", "cannot be used with"),
+        (&["--certify=2"], "a.png", "from 0 to 1"),
+        (&["--error-picture=e.exr"], "a.png", "--certify"),
+        (&["--certify=0.1", "--shadow=osm"], "a.png", "only dsm stores bounds"),
+        (&["--certify=0.1", "--error-picture=e.txt"], "a.png", "must end in one of"),
     ] {
         let error = refused(dir.path(), &[&SCENE, flags, &["-o", output]].concat());
         assert!(error.contains(said), "{flags:?} {output}: {error}");

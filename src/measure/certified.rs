@@ -1,0 +1,225 @@
+//! Certified pictures: a picture with a bound on the error of every pixel.
+//!
+//! Eye rays are exact, in float64: each has samples in the middles of equal parts of its opacity. At each sample the
+//! enclosure of a shadow map (`enclose=on`) gives a lower and an upper bound on the transmittance from a light. The
+//! picture takes the middle between them, and half their difference is the error. Where that is too wide, a shadow ray
+//! is cast.
+//!
+//! The integral over the samples has an error of its own. It is estimated by the change of the picture if only every
+//! third sample is taken; this part is an estimate, not a bound.
+
+use crate::error::{Error, Result};
+use crate::exact::{ExactField, EyeRay};
+use crate::field::{DeviceTransfer, LoadedVolume};
+use crate::render::Renderer;
+use crate::scene::{LightSource, Scene};
+use crate::shadow::{Lookups, MARCH_ERROR, ShadowMap, ShadowRays};
+use glam::DVec3;
+use ndarray::{Array2, Array3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Number of samples of an eye ray: a power of 3, so that every third is in the middle of a part three times as large.
+const SAMPLES: usize = 27;
+/// Number of pixels whose samples are in memory at the same time.
+const PIXELS_AT_ONCE: usize = 1 << 15;
+/// Factor on the change of a picture with a third of the samples, as an estimate of the error with all of them.
+const SAFETY: f64 = 2.0;
+/// Error of float32 pixels, and of the exact picture with which they are compared.
+const ROUNDING: f64 = 5e-4;
+
+/// Picture with a bound on the error of every pixel.
+pub struct CertifiedPicture {
+    /// Pixels as `height x width x 4` floats: linear RGB over the background, and opacity.
+    pub pixels: Array3<f32>,
+    /// Bound on the error of each pixel in any colour channel, linear.
+    pub error: Array2<f32>,
+    /// Share of the lookups of light that shadow rays answered.
+    pub share_of_rays: f64,
+}
+
+/// Summary of the bounds of a certified picture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Certificate {
+    /// Largest bound on the error of a pixel.
+    pub largest: f64,
+    /// Mean bound on the error over all pixels.
+    pub mean: f64,
+    /// Share of the lookups of light that shadow rays answered.
+    pub share_of_rays: f64,
+}
+
+impl CertifiedPicture {
+    /// Returns the summary of the bounds of all pixels.
+    pub fn certificate(&self) -> Certificate {
+        let largest = self.error.iter().copied().fold(0.0, f32::max).into();
+        let sum: f64 = self.error.iter().copied().map(f64::from).sum();
+        let mean = sum / self.error.len().max(1) as f64;
+        Certificate { largest, mean, share_of_rays: self.share_of_rays }
+    }
+
+    /// Returns the bounds as an opaque grey picture, `height x width x 4`.
+    pub fn error_pixels(&self) -> Array3<f32> {
+        let (height, width) = self.error.dim();
+        Array3::from_shape_fn((height, width, 4), |(y, x, c)| if c < 3 { self.error[[y, x]] } else { 1.0 })
+    }
+}
+
+/// Renderer with the volume, the transfer function and the shadow maps of a scene.
+pub struct CertifiedScene<'a> {
+    /// Renderer that queries the shadow maps.
+    pub renderer: &'a Renderer,
+    /// Volume on the device.
+    pub loaded: &'a LoadedVolume,
+    /// Transfer function on the device.
+    pub transfer: &'a DeviceTransfer,
+    /// Shadow maps of all lights, with their enclosures.
+    pub shadows: &'a [&'a ShadowMap],
+    /// Exact field of the volume.
+    pub field: &'a ExactField<'a>,
+}
+
+/// Light that reaches the samples of some eye rays from one source, without its colour.
+struct SourceLight {
+    source: LightSource,
+    /// Transmittance times shading factor of each sample.
+    light: Vec<f64>,
+    /// Bound on the error of each value of `light`.
+    error: Vec<f64>,
+}
+
+/// Pixel of a certified picture.
+struct Pixel {
+    color: [f64; 3],
+    /// Largest bound on the error of a channel from shadows, and the change of a channel with a third of the samples.
+    shadow_error: f64,
+    change: f64,
+}
+
+impl CertifiedScene<'_> {
+    /// Renders a picture whose transmittances err by at most `eta` at each sample of an eye ray, or are those of shadow
+    /// rays.
+    ///
+    /// # Errors
+    /// The scene has a mesh, a shadow map has no enclosure, or the device is lost.
+    pub fn render(&self, scene: &Scene, eta: f64) -> Result<CertifiedPicture> {
+        if scene.mesh.is_some() {
+            let why = "opaque objects hide light where no shadow map knows it";
+            return Err(Error::input("cannot certify", "picture", why));
+        }
+        let rays = self.renderer.shadows_in(
+            self.loaded,
+            self.transfer,
+            &ShadowRays { lookup: Lookups::Each },
+            scene,
+            None,
+        )?;
+        let (width, count) = (scene.width, scene.width as usize * scene.height as usize);
+        let (mut pixels, mut opacities, mut lookups) = (Vec::with_capacity(count), Vec::new(), [0usize; 2]);
+        for first in (0..count).step_by(PIXELS_AT_ONCE) {
+            let some = first as u32..(first + PIXELS_AT_ONCE).min(count) as u32;
+            let eye_rays: Vec<EyeRay> = some
+                .into_par_iter()
+                .map(|i| self.field.eye_ray(scene, [i % width, i / width], SAMPLES))
+                .collect();
+            let mut lights = Vec::new();
+            for ((source, map), rays) in scene.shining().into_iter().zip(self.shadows).zip(&rays) {
+                lights.push(self.light_of(scene, source, [map, rays], &eye_rays, eta, &mut lookups)?);
+            }
+            let mut start = 0;
+            for ray in &eye_rays {
+                pixels.push(Pixel::of(scene, ray, &lights, start));
+                opacities.push(ray.opacity);
+                start += ray.samples.len();
+            }
+        }
+        let size = (scene.height as usize, width as usize);
+        let at = |y: usize, x: usize| y * size.1 + x;
+        let error = Array2::from_shape_fn(size, |(y, x)| {
+            let around = (y.saturating_sub(1)..(y + 2).min(size.0))
+                .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(size.1)).map(move |x| at(y, x)));
+            let change = around.map(|i| pixels[i].change).fold(0.0, f64::max);
+            (pixels[at(y, x)].shadow_error + SAFETY * change + ROUNDING) as f32
+        });
+        let pixels = Array3::from_shape_fn((size.0, size.1, 4), |(y, x, c)| {
+            let i = at(y, x);
+            if c < 3 { pixels[i].color[c] as f32 } else { opacities[i] as f32 }
+        });
+        Ok(CertifiedPicture { pixels, error, share_of_rays: lookups[0] as f64 / lookups[1].max(1) as f64 })
+    }
+
+    /// Returns the light of one source at the samples of eye rays, from its shadow map or from shadow rays. Adds the
+    /// number of lookups by rays, and of all, to `lookups`.
+    fn light_of(
+        &self,
+        scene: &Scene,
+        source: LightSource,
+        [map, rays]: [&ShadowMap; 2],
+        eye_rays: &[EyeRay],
+        eta: f64,
+        lookups: &mut [usize; 2],
+    ) -> Result<SourceLight> {
+        let query =
+            |map: &ShadowMap, points: &[DVec3]| self.renderer.query(self.loaded, self.transfer, map, points);
+        let points: Vec<DVec3> = eye_rays.iter().flat_map(|r| r.samples.iter().map(|s| s.position)).collect();
+        let (mut light, mut error): (Vec<f64>, Vec<f64>) = match (&map.enclosure, &map.lookup) {
+            (Some(enclosure), _) => {
+                let [lower, upper] = [&enclosure.lower, &enclosure.upper].map(|map| query(map, &points));
+                let bounds = lower?.into_iter().zip(upper?).map(|(l, u)| [l, u].map(f64::from));
+                bounds.map(|[l, u]| (0.5 * (l + u), 0.5 * (u - l))).unzip()
+            }
+            (None, None) => (vec![1.0; points.len()], vec![0.0; points.len()]),
+            (None, Some(_)) => {
+                let why = "its shadow map stores no bounds on the exact transmittance";
+                return Err(Error::runtime("cannot certify", "picture", why));
+            }
+        };
+        // NaN is no bound.
+        let is_wide = |i: &usize| error[*i].is_nan() || error[*i] > eta;
+        let wide: Vec<usize> = (0..points.len()).filter(is_wide).collect();
+        let far: Vec<DVec3> = wide.iter().map(|i| points[*i]).collect();
+        for (i, t) in wide.iter().zip(query(rays, &far)?) {
+            (light[*i], error[*i]) = (f64::from(t), MARCH_ERROR);
+        }
+        *lookups = [lookups[0] + wide.len(), lookups[1] + points.len()];
+        let directions = eye_rays.iter().flat_map(|r| r.samples.iter().map(|_| r.direction));
+        let directions: Vec<DVec3> = directions.collect();
+        let factor = |(point, direction): (&DVec3, &DVec3)| {
+            self.field.shading_factor(*point, *direction, &source.light, scene.shading)
+        };
+        let factors: Vec<f64> = points.par_iter().zip(&directions).map(factor).collect();
+        for (i, factor) in factors.into_iter().enumerate() {
+            light[i] *= factor;
+            error[i] *= factor;
+        }
+        Ok(SourceLight { source, light, error })
+    }
+}
+
+impl Pixel {
+    /// Adds up the light of the samples of an eye ray, of which the first is number `start` in `lights`.
+    fn of(scene: &Scene, ray: &EyeRay, lights: &[SourceLight], start: usize) -> Self {
+        let share = ray.opacity / SAMPLES as f64;
+        let direct = 1.0 - scene.ambient;
+        let [mut color, mut coarse, mut error] = [[0.0; 3]; 3];
+        for (k, sample) in ray.samples.iter().enumerate() {
+            for c in 0..3 {
+                let of = |values: fn(&SourceLight) -> &Vec<f64>| -> f64 {
+                    let light = |l: &SourceLight| l.source.radiance()[c] * values(l)[start + k];
+                    direct * lights.iter().map(light).sum::<f64>()
+                };
+                let lit = scene.ambient + of(|l| &l.light);
+                color[c] += share * sample.color[c] * lit;
+                error[c] += share * sample.color[c] * of(|l| &l.error);
+                // The middle of three samples stands for them all.
+                if k % 3 == 1 {
+                    coarse[c] += 3.0 * share * sample.color[c] * lit;
+                }
+            }
+        }
+        let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
+        let change = largest(std::array::from_fn(|c| (color[c] - coarse[c]).abs()));
+        let color = std::array::from_fn(|c| color[c] + (1.0 - ray.opacity) * scene.background[c]);
+        Self { color, shadow_error: largest(error), change }
+    }
+}
