@@ -16,6 +16,9 @@ use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap};
+use crate::strands::VoxelisedStrands;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -68,13 +71,18 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
+    if args.certify.is_some() && scene.mesh.is_some() {
+        let why = "opaque objects hide light, of which the shadow map knows nothing";
+        return Err(Error::input("cannot certify", "picture", why));
+    }
     let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
     let adapter = renderer.gpu().info.name.clone();
     // A shadow map is reused only if a new one would be identical, so each picture equals one rendered alone.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
+    let asked = args.error_bound || args.certify.is_some();
+    let exact = asked.then(|| exact_field((&volume, &tf), strands.as_deref(), &scene)).transpose()?;
     session.load(Arc::clone(&volume), strands)?;
-    let exact = (args.error_bound || args.certify.is_some()).then(|| ExactField::new(&volume, &tf));
     session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
         let mut resolved = settings.resolved(scene, &tf_source, suiting);
@@ -89,10 +97,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
             let extent = (&scene, MapCoverage::Picture);
             let prepared = session.prepare(method.as_ref(), extent, &mut Work::default())?;
             let mut picture = prepared.render(&scene)?;
-            let certified = match (&exact, args.certify) {
-                (Some(field), Some(eta)) => Some(certified_of(&prepared, field).render(&scene, eta)?),
-                _ => None,
-            };
+            let certified = exact.as_ref().zip(args.certify);
+            let certified =
+                certified.map(|(field, eta)| certify(&prepared, field, &scene, eta)).transpose()?;
             certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
             write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene)?)?;
             if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
@@ -136,9 +143,29 @@ fn enclosing(spec: &MethodSpec) -> Result<Box<dyn Method>> {
     enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))?.method()
 }
 
-fn certified_of<'a>(prepared: &'a Prepared<'_>, field: &'a ExactField<'a>) -> CertifiedScene<'a> {
+/// Returns the exact field of a scene, with the directions of strands if its shading reads them.
+///
+/// # Errors
+/// The host is out of memory.
+fn exact_field<'a>(
+    (volume, tf): (&'a Volume, &'a TransferFunction),
+    strands: Option<&VoxelisedStrands>,
+    scene: &Scene,
+) -> Result<ExactField<'a>> {
+    let shaded = strands.filter(|_| scene.shading.is_of_strands());
+    let directions = shaded.map(VoxelisedStrands::directions).transpose()?;
+    Ok(ExactField::new(volume, tf).with_directions(directions))
+}
+
+/// Returns a picture whose transmittances err by at most `eta`, or are those of shadow rays.
+fn certify(
+    prepared: &Prepared<'_>,
+    field: &ExactField<'_>,
+    scene: &Scene,
+    eta: f64,
+) -> Result<CertifiedPicture> {
     let Prepared { renderer, loaded, transfer, shadows } = prepared;
-    CertifiedScene { renderer, loaded, transfer, shadows, field }
+    CertifiedScene { renderer, loaded, transfer, shadows, field }.render(scene, eta)
 }
 
 /// Returns the mean error of the shadows of a picture.
