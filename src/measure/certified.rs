@@ -175,7 +175,7 @@ impl CertifiedScene<'_> {
             }
         };
         // NaN is no bound.
-        let is_wide = |i: &usize| error[*i].is_nan() || error[*i] > eta;
+        let is_wide = |i: &usize| error[*i].is_nan() || error[*i] > eta.max(MARCH_ERROR);
         let wide: Vec<usize> = (0..points.len()).filter(is_wide).collect();
         let far: Vec<DVec3> = wide.iter().map(|i| points[*i]).collect();
         for (i, t) in wide.iter().zip(query(rays, &far)?) {
