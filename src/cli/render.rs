@@ -40,10 +40,10 @@ pub struct RenderArgs {
     /// error: from the exact transmittance at 10,000 random points
     #[arg(long, conflicts_with_all = ["turntable", "light_sweep"])]
     pub error_bound: bool,
-    /// Draw a picture with a bound on the error of every pixel. The transmittance of a sample errs by at most ETA by the
+    /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md). The transmittance of a sample errs by at most ETA by the
     /// bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow ray is cast
     #[arg(long, value_name = "ETA", value_parser = values::within(0.0..=1.0),
-        conflicts_with_all = ["turntable", "light_sweep"])]
+        conflicts_with_all = ["turntable", "light_sweep", "error_bound"])]
     pub certify: Option<f64>,
     /// With --certify: picture of the error bound of every pixel: .exr or .npy (linear, in all channels), or .png
     #[arg(long, value_name = "FILE", requires = "certify")]
@@ -62,12 +62,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
         check_output(&args.output, PICTURE_EXTENSIONS)
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
+    check_error_picture(&args)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
     let method = match args.certify {
         None => settings.method()?,
         Some(_) => enclosing(&settings.method_spec())?,
     };
-    args.error_picture.iter().try_for_each(|path| check_output(path, PICTURE_EXTENSIONS))?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
@@ -121,7 +121,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if let Some(Certificate { largest, mean, share_of_rays }) = summary.certificate {
         let rays = 100.0 * share_of_rays;
         let text =
-            format!("error at most {largest:.4}, mean bound {mean:.4}, rays for {rays:.1} % of lookups");
+            format!("estimated error at most {largest:.4}, mean {mean:.4}, rays for {rays:.1} % of lookups");
         print_message("certified", &text);
     }
     if run.explain {
@@ -133,13 +133,24 @@ pub fn run(args: RenderArgs) -> Result<()> {
     Ok(())
 }
 
+/// Refuses a file for the error bounds that cannot be written, or that is the picture itself.
+fn check_error_picture(args: &RenderArgs) -> Result<()> {
+    let Some(path) = &args.error_picture else { return Ok(()) };
+    check_output(path, PICTURE_EXTENSIONS)?;
+    if *path == args.output {
+        let why = "--output and --error-picture are one file";
+        return Err(Error::input("cannot write picture", path.display(), why));
+    }
+    Ok(())
+}
+
 /// Returns the shadow method of a certified picture: the given one with bounds on the exact transmittance.
 ///
 /// # Errors
 /// The method cannot store bounds.
 fn enclosing(spec: &MethodSpec) -> Result<Box<dyn Method>> {
-    let why = "only dsm stores bounds on the exact transmittance";
-    let enclosing = spec.clone().with("enclose", "on");
+    let why = "only dsm with from=voxels stores bounds on the exact transmittance";
+    let enclosing = spec.clone().with("enclose", "on").filter(|spec| !spec.is_set("from", "lines"));
     enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))?.method()
 }
 

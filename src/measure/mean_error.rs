@@ -74,7 +74,7 @@ impl MeanErrorSample {
     /// points.
     ///
     /// # Errors
-    /// Those of `query`.
+    /// The query of a map fails.
     pub fn of(
         &self,
         shadows: &[&ShadowMap],

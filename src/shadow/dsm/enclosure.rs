@@ -4,7 +4,7 @@
 //! All light rays whose nearest texel is the same pass through its prism. Along the prism, the largest extinction at
 //! each depth gives a transmittance below that of each of these rays, and the least extinction one above. Both curves
 //! are compressed like those of the map, within half of `epsilon`, and widened by the error bound of that compression.
-//! As with the map, the last `near` voxels before a point are marched,
+//! Queries march the last `near` voxels before a point, like those of the map,
 //! here cell by cell. `docs/bound.md` has the derivation.
 
 use super::build::RowPass;

@@ -75,7 +75,10 @@ fn bad_sequences_are_refused_in_a_line() {
         (&["--turntable=3", "--error-bound"], "a.png", "cannot be used with"),
         (&["--certify=2"], "a.png", "from 0 to 1"),
         (&["--error-picture=e.exr"], "a.png", "--certify"),
-        (&["--certify=0.1", "--shadow=osm"], "a.png", "only dsm stores bounds"),
+        (&["--certify=0.1", "--shadow=osm"], "a.png", "only dsm with from=voxels stores bounds"),
+        (&["--certify=0.1", "--shadow=dsm:from=lines"], "a.png", "only dsm with from=voxels"),
+        (&["--certify=0.1", "--error-bound"], "a.png", "cannot be used with"),
+        (&["--certify=0.1", "--error-picture=a.png"], "a.png", "are one file"),
         (&["--certify=0.1", "--error-picture=e.txt"], "a.png", "must end in one of"),
     ] {
         let error = refused(dir.path(), &[&SCENE, flags, &["-o", output]].concat());
