@@ -3,6 +3,7 @@
 use super::Attack;
 use fastrand::Rng;
 use std::sync::Arc;
+use umbravox::Error;
 use umbravox::gpu::Gpu;
 use umbravox::render::Renderer;
 use umbravox::shadow::Bound;
@@ -41,6 +42,11 @@ impl Found {
             self.broken[..self.broken.len().min(12)].join("\n")
         )
     }
+}
+
+/// Returns whether the hint of an error has a text.
+fn hints_at(error: &Error, text: &str) -> bool {
+    error.hint.as_deref().is_some_and(|hint| hint.contains(text))
 }
 
 /// Number of tries for each climb to a worse scene.
@@ -86,12 +92,12 @@ impl Found {
         let outcome = match attack.run(renderer) {
             Ok(outcome) => outcome,
             // Nine marches for each step may exceed the loop limit of a software adapter, which reports it.
-            Err(e) if attack.prefilter.is_some_and(|n| n > 1) && e.to_string().contains("did not end") => {
+            Err(e) if attack.prefilter.is_some_and(|n| n > 1) && hints_at(&e, "fewer pre-filter taps") => {
                 self.refused += 1;
                 return f64::NEG_INFINITY;
             }
             // So may prisms that meet many voxels.
-            Err(e) if attack.encloses && e.to_string().contains("prisms of a larger map") => {
+            Err(e) if attack.encloses && hints_at(&e, "prisms of a larger map") => {
                 self.refused += 1;
                 let without = Attack { encloses: false, ..attack.clone() };
                 return self.attempt(renderer, &without, what);
