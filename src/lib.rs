@@ -59,6 +59,7 @@ pub mod measure;
 pub mod mesh;
 pub mod open;
 pub mod phantom;
+mod random;
 pub mod render;
 pub mod replication;
 pub mod report;

@@ -2,6 +2,7 @@
 
 use super::ExactField;
 use super::picture::first_surface;
+use crate::random::{Chance, mix_to_unit};
 use crate::scene::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,9 +21,6 @@ pub struct VisiblePoint {
 /// the camera sees next to nothing.
 const MOST_CANDIDATES_PER_POINT: usize = 64;
 
-/// Odd factor that spreads consecutive numbers over the seeds of pseudo-random numbers.
-const SPREAD: u64 = 0xd134_2543_de82_ef95;
-
 impl ExactField<'_> {
     /// Samples `n` points of the volume that the camera sees, or fewer where it sees hardly any. The same `seed`
     /// gives the same points.
@@ -33,7 +31,7 @@ impl ExactField<'_> {
     /// estimates `sum_pixels integral(T_eye sigma g dt) / sum_pixels opacity`: the mean of `g` over the picture,
     /// weighted by the contribution of each point.
     pub fn visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<VisiblePoint> {
-        let shift = [seed, seed ^ 0x5bf0_3635, seed ^ 0xc2b2_ae35].map(unit_hash);
+        let shift = [seed, seed ^ 0x5bf0_3635, seed ^ 0xc2b2_ae35].map(mix_to_unit);
         let candidate = |index: usize| {
             let [x, y, quantile] = low_discrepancy(index as u64, shift);
             let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
@@ -55,8 +53,8 @@ impl ExactField<'_> {
     /// `None` for pixels without opacity.
     pub fn random_visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<Option<VisiblePoint>> {
         let drawn = |index: usize| {
-            let [x, y, quantile] =
-                [0, 1, 2].map(|k| unit_hash(seed.wrapping_add(3 * index as u64 + k).wrapping_mul(SPREAD)));
+            let mut chance = Chance::new(seed, index as u64);
+            let [x, y, quantile] = [(); 3].map(|()| chance.unit());
             let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
             self.visible_point_of_pixel(scene, pixel, quantile)
         };
@@ -114,12 +112,4 @@ fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
         step /= ROOT;
         (s + step * (index + 1) as f64).fract()
     })
-}
-
-/// Returns a pseudo-random number in `[0, 1)` from a seed (the finaliser of SplitMix64).
-fn unit_hash(seed: u64) -> f64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -24,9 +24,9 @@ const SAMPLES: usize = 27;
 /// Number of pixels whose samples are in memory at the same time.
 const PIXELS_AT_ONCE: usize = 1 << 15;
 /// Factor on the change of a picture with a third of the samples, as an estimate of the error with all of them.
-const SAFETY: f64 = 2.0;
+const SAFETY: f32 = 2.0;
 /// Error of float32 pixels, and of the exact picture with which they are compared.
-const ROUNDING: f64 = 5e-4;
+const ROUNDING: f32 = 5e-4;
 
 /// Picture with a bound on the error of every pixel.
 pub struct CertifiedPicture {
@@ -58,12 +58,26 @@ impl CertifiedPicture {
         Certificate { largest, mean, share_of_rays: self.share_of_rays }
     }
 
+    /// Returns the largest excess of a pixel's error over its bound, in any colour channel, against the exact picture;
+    /// negative where all errors are within their bounds.
+    pub fn excess(&self, exact: &Array3<f32>) -> f32 {
+        let error = |at: (usize, usize)| {
+            let channels = (0..3).map(|c| (self.pixels[[at.0, at.1, c]] - exact[[at.0, at.1, c]]).abs());
+            // NaN is in excess of every bound.
+            channels.fold(0.0f32, |a, b| if a.is_nan() || b.is_nan() { f32::INFINITY } else { a.max(b) })
+        };
+        self.error.indexed_iter().map(|(at, bound)| error(at) - bound).fold(f32::NEG_INFINITY, f32::max)
+    }
+
     /// Returns the bounds as an opaque grey picture, `height x width x 4`.
     pub fn error_pixels(&self) -> Array3<f32> {
         let (height, width) = self.error.dim();
         Array3::from_shape_fn((height, width, 4), |(y, x, c)| if c < 3 { self.error[[y, x]] } else { 1.0 })
     }
 }
+
+/// ETA of the certified pictures that comparison tables have: largest error of a transmittance that no shadow ray answers.
+pub const TABLE_ETA: f64 = 0.03;
 
 /// Renderer with the volume, the transfer function and the shadow maps of a scene.
 pub struct CertifiedScene<'a> {
@@ -90,10 +104,12 @@ struct SourceLight {
 
 /// Pixel of a certified picture.
 struct Pixel {
-    color: [f64; 3],
-    /// Largest bound on the error of a channel from shadows, and the change of a channel with a third of the samples.
-    shadow_error: f64,
-    change: f64,
+    /// Linear RGB over the background, and opacity.
+    rgba: [f32; 4],
+    /// Largest bound on the error of a channel from shadows.
+    shadow_error: f32,
+    /// Largest change of a channel with a third of the samples.
+    change: f32,
 }
 
 impl CertifiedScene<'_> {
@@ -115,7 +131,7 @@ impl CertifiedScene<'_> {
             None,
         )?;
         let (width, count) = (scene.width, scene.width as usize * scene.height as usize);
-        let (mut pixels, mut opacities, mut lookups) = (Vec::with_capacity(count), Vec::new(), [0usize; 2]);
+        let (mut pixels, mut lookups) = (Vec::with_capacity(count), [0usize; 2]);
         for first in (0..count).step_by(PIXELS_AT_ONCE) {
             let some = first as u32..(first + PIXELS_AT_ONCE).min(count) as u32;
             let eye_rays: Vec<EyeRay> = some
@@ -129,7 +145,6 @@ impl CertifiedScene<'_> {
             let mut start = 0;
             for ray in &eye_rays {
                 pixels.push(Pixel::of(scene, ray, &lights, start));
-                opacities.push(ray.opacity);
                 start += ray.samples.len();
             }
         }
@@ -138,13 +153,10 @@ impl CertifiedScene<'_> {
         let error = Array2::from_shape_fn(size, |(y, x)| {
             let around = (y.saturating_sub(1)..(y + 2).min(size.0))
                 .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(size.1)).map(move |x| at(y, x)));
-            let change = around.map(|i| pixels[i].change).fold(0.0, f64::max);
-            (pixels[at(y, x)].shadow_error + SAFETY * change + ROUNDING) as f32
+            let change = around.map(|i| pixels[i].change).fold(0.0, f32::max);
+            pixels[at(y, x)].shadow_error + SAFETY * change + ROUNDING
         });
-        let pixels = Array3::from_shape_fn((size.0, size.1, 4), |(y, x, c)| {
-            let i = at(y, x);
-            if c < 3 { pixels[i].color[c] as f32 } else { opacities[i] as f32 }
-        });
+        let pixels = Array3::from_shape_fn((size.0, size.1, 4), |(y, x, c)| pixels[at(y, x)].rgba[c]);
         Ok(CertifiedPicture { pixels, error, share_of_rays: lookups[0] as f64 / lookups[1].max(1) as f64 })
     }
 
@@ -199,7 +211,7 @@ impl CertifiedScene<'_> {
 impl Pixel {
     /// Adds up the light of the samples of an eye ray, of which the first is number `start` in `lights`.
     fn of(scene: &Scene, ray: &EyeRay, lights: &[SourceLight], start: usize) -> Self {
-        let share = ray.opacity / SAMPLES as f64;
+        let share = ray.opacity / ray.samples.len().max(1) as f64;
         let direct = 1.0 - scene.ambient;
         let [mut color, mut coarse, mut error] = [[0.0; 3]; 3];
         for (k, sample) in ray.samples.iter().enumerate() {
@@ -219,7 +231,9 @@ impl Pixel {
         }
         let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
         let change = largest(std::array::from_fn(|c| (color[c] - coarse[c]).abs()));
-        let color = std::array::from_fn(|c| color[c] + (1.0 - ray.opacity) * scene.background[c]);
-        Self { color, shadow_error: largest(error), change }
+        let [red, green, blue] =
+            std::array::from_fn(|c| (color[c] + (1.0 - ray.opacity) * scene.background[c]) as f32);
+        let rgba = [red, green, blue, ray.opacity as f32];
+        Self { rgba, shadow_error: largest(error) as f32, change: change as f32 }
     }
 }

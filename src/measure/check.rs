@@ -12,8 +12,8 @@
 //! chance that `n` draws all miss a fraction `p` is `(1 - p)^n < exp(-p n)`. A deviation over a small part of the
 //! depth range is found only if a depth falls there.
 
-use super::rays::mix;
 use crate::error::Result;
+use crate::random::{mix, mix_to_unit};
 use crate::render::Session;
 use crate::scene::Scene;
 use crate::shadow::{Method, ShadowMap};
@@ -96,7 +96,7 @@ pub fn check(
     let met: Vec<_> = met.map(|(ray, _)| *ray).take(TEXELS).collect();
     // Stratified depths: one at random in each of equal intervals.
     let depth = |ray: usize, k: usize| {
-        let share = (mix((ray * DEPTHS + k) as u64) >> 11) as f64 / (1u64 << 53) as f64;
+        let share = mix_to_unit((ray * DEPTHS + k) as u64);
         near + (far - near) * (k as f64 + share) / DEPTHS as f64
     };
     let points = |offset_mm: f64| -> Vec<_> {

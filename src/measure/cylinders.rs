@@ -13,8 +13,9 @@
 //! direction, but the light sees `d L sin(angle)`.
 
 use crate::exact::ExactField;
+use crate::random::Chance;
 use crate::scene::Light;
-use crate::strands::{Chance, Strands};
+use crate::strands::Strands;
 use crate::transfer::{Quantity, TransferFunction};
 use crate::volume::Volume;
 use glam::{DVec2, DVec3};

@@ -4,13 +4,13 @@
 //! and around the depths where the exact curve bends. Where a ray grazes a surface, float32 rounding decides whether it
 //! meets it. Points outside are therefore compared with a rounding envelope, as in [`bound_check`](super::bound_check).
 
-use super::bound_check::EXACT_ROUNDING;
 use super::exact_rays::{ExactRay, LightRay, tested_range};
-use super::rays::mix;
+use super::point_report::{PointReport, PointViolation, distance};
 use super::rounding_envelope::NearbyRays;
 use super::test_depths::test_depths;
 use crate::error::Result;
 use crate::exact::ExactField;
+use crate::random::{mix, mix_to_unit};
 use crate::render::Session;
 use crate::scene::Light;
 use crate::shadow::{Bound, Enclosure, ShadowMap};
@@ -23,56 +23,6 @@ const RAYS_AT_ONCE: usize = 512;
 const RAYS_A_TEXEL: usize = 8;
 /// Distance from the axis of a prism to the rays close to its edges, in texels.
 const EDGE: f64 = 0.499;
-
-/// Result of testing an enclosure of the exact transmittance.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct EnclosureReport {
-    /// Number of points at which an enclosure was tested.
-    pub points: usize,
-    /// Number of points at which the exact transmittance lies outside the enclosure.
-    pub violations: usize,
-    /// Number of points at which the exact transmittance lies outside the enclosure, but the rounding envelope of the
-    /// light ray meets it.
-    pub limited: usize,
-    /// Point with the largest distance of the exact transmittance from the enclosure.
-    pub worst: Option<EnclosureViolation>,
-}
-
-/// Point at which the exact transmittance lies outside its enclosure.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EnclosureViolation {
-    /// Position of the point, world mm.
-    pub position_mm: DVec3,
-    /// Lower and upper bound on the transmittance from the light to the point.
-    pub enclosure: [f64; 2],
-    /// Exact transmittance from the light to the point.
-    pub t_exact: f64,
-    /// Distance of the exact transmittance from the enclosure; infinite for NaN.
-    pub amount: f64,
-}
-
-impl EnclosureReport {
-    /// Merges the reports on two sets of points. Of two equal violations, the first is kept.
-    #[must_use]
-    pub fn merge(self, other: Self) -> Self {
-        let worst = match (self.worst, other.worst) {
-            (Some(a), Some(b)) if b.amount > a.amount => Some(b),
-            (a, b) => a.or(b),
-        };
-        Self {
-            points: self.points + other.points,
-            violations: self.violations + other.violations,
-            limited: self.limited + other.limited,
-            worst,
-        }
-    }
-
-    /// Returns `enclosure_held`: whether the exact transmittance lies within the enclosure at every tested point;
-    /// `None` without points.
-    pub fn satisfied(&self) -> Option<bool> {
-        (self.points > 0).then_some(self.violations == 0)
-    }
-}
 
 /// Parameters for a test of an enclosure.
 pub struct EnclosureTest<'a> {
@@ -100,8 +50,8 @@ impl EnclosureTest<'_> {
         light: Light,
         session: &Session,
         shadow: &ShadowMap,
-    ) -> Result<EnclosureReport> {
-        let mut report = EnclosureReport::default();
+    ) -> Result<PointReport> {
+        let mut report = PointReport::default();
         let Some(enclosure) = &shadow.enclosure else { return Ok(report) };
         let bound = enclosure.tolerances;
         let nearby = NearbyRays::new(field, bound);
@@ -120,7 +70,7 @@ impl EnclosureTest<'_> {
             }
             let reports: Vec<_> =
                 own.into_par_iter().map(|(ray, found)| ray.report(found, &nearby)).collect();
-            report = reports.into_iter().fold(report, EnclosureReport::merge);
+            report = reports.into_iter().fold(report, PointReport::merge);
         }
         Ok(report)
     }
@@ -135,7 +85,7 @@ impl EnclosureTest<'_> {
     ) -> Vec<TestedRay<'f>> {
         let space = &shadow.light_space;
         let seed = u64::from(texel[0]) << 32 | u64::from(texel[1]);
-        let share = |k: usize| (mix(seed ^ mix(k as u64)) >> 11) as f64 / (1u64 << 53) as f64;
+        let share = |k: usize| mix_to_unit(seed ^ mix(k as u64));
         let offset = |k: usize| {
             let any = 2.0 * DVec2::new(share(2 * k), share(2 * k + 1)) - 1.0;
             // One ray in four anywhere, one on an edge, and two on corners.
@@ -166,17 +116,13 @@ impl EnclosureTest<'_> {
 
 impl TestedRay<'_> {
     /// Compares the enclosures of the points with their exact transmittances.
-    fn report(&self, found: &[[f32; 2]], nearby: &NearbyRays<'_>) -> EnclosureReport {
-        let outside = |[least, most]: [f64; 2], [low, high]: [f64; 2]| match low.is_nan() || high.is_nan() {
-            true => f64::INFINITY,
-            false => (low - most).max(least - high),
-        };
-        let mut report = EnclosureReport { points: found.len(), ..Default::default() };
+    fn report(&self, found: &[[f32; 2]], nearby: &NearbyRays<'_>) -> PointReport {
+        let mut report = PointReport::of(found.len());
         let mut envelope = None;
         for (z, found) in self.depths_mm.iter().zip(found) {
-            let (enclosure, t_exact) = (found.map(f64::from), self.curve.transmittance(*z));
-            let mut amount = outside([t_exact; 2], enclosure);
-            if amount <= EXACT_ROUNDING {
+            let (interval, t_exact) = (found.map(f64::from), self.curve.transmittance(*z));
+            let mut amount = distance([t_exact; 2], interval);
+            if !report.is_suspect(amount) {
                 continue;
             }
             let around = envelope.get_or_insert_with(|| {
@@ -184,16 +130,10 @@ impl TestedRay<'_> {
                 nearby.envelope(self.ray.at(start_mm), self.ray.direction, start_mm, &self.depths_mm)
             });
             if let Some(around) = around {
-                amount = outside([around.least(*z), around.most(*z)], enclosure);
+                amount = distance([around.least(*z), around.most(*z)], interval);
             }
-            let own = if amount > EXACT_ROUNDING {
-                let violation =
-                    EnclosureViolation { position_mm: self.ray.at(*z), enclosure, t_exact, amount };
-                EnclosureReport { violations: 1, worst: Some(violation), ..Default::default() }
-            } else {
-                EnclosureReport { limited: 1, ..Default::default() }
-            };
-            report = report.merge(own);
+            let position_mm = self.ray.at(*z);
+            report.count(PointViolation { position_mm, transmittance: t_exact, interval, amount });
         }
         report
     }

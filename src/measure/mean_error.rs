@@ -1,16 +1,18 @@
 //! Bound on the mean error of a picture's shadows, from random points, at 99 % confidence. It holds for any shadow method,
 //! and assumes nothing about the distribution of its errors.
 //!
-//! A pixel, a light and a point that the pixel sees are drawn at random. The product of the pixel's opacity and the
-//! error `|T_method - T_exact|` at the point has the mean
-//! `mean over pixels and lights of integral(T_eye sigma |T_method - T_exact| dt)`. No channel of a picture with one white
-//! light, no ambient light and no shading errs by more than this on average. The products lie in `[0, 1]`, so the
-//! empirical Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and sample
-//! variance penalization*, Theorem 4).
+//! A pixel, a light and a point that the pixel sees are drawn at random. Let `w` be the light's largest channel times
+//! `1 - ambient` and the number of lights, and `opacity` that of the pixel. The product
+//! `w opacity |T_method - T_exact|` has the mean
+//! `mean over pixels of sum over lights of (1 - ambient) light integral(T_eye sigma |T_method - T_exact| dt)`. No channel
+//! of a picture without shading errs by more than this on average. The products lie between 0 and the largest `w`, so
+//! that the empirical Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and
+//! sample variance penalization*, Theorem 4).
 
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::scene::Scene;
+use crate::random::Chance;
+use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,13 +22,15 @@ use serde::Serialize;
 const RISK: f64 = 0.01;
 /// Seed of the random points. It is fixed; every run and method draws the same points.
 const SEED: u64 = 0x0001_5eed;
-/// Number of random points. With none of them in error, the bound is 0.0012.
+/// Number of random points. With none of them in error, the bound for one white light without ambient light is 0.0012.
 pub const MEAN_ERROR_POINTS: usize = 10_000;
 
 /// Random points of a picture with the exact transmittance from one light to each, drawn once for all methods.
 pub struct MeanErrorSample {
     /// Points drawn for each light.
     lights: Vec<LightSample>,
+    /// Largest possible error of a pixel.
+    range: f64,
     /// Number of draws, also of pixels without opacity.
     draws: usize,
 }
@@ -35,8 +39,8 @@ pub struct MeanErrorSample {
 #[derive(Default)]
 struct LightSample {
     points_mm: Vec<DVec3>,
-    /// Opacity of the pixel that sees each point.
-    opacities: Vec<f64>,
+    /// Factor on the error of the transmittance at each point, relative to the largest possible error of a pixel.
+    weights: Vec<f64>,
     exact: Vec<f64>,
 }
 
@@ -54,20 +58,26 @@ impl MeanErrorSample {
     pub fn new(field: &ExactField, scene: &Scene, draws: usize) -> Self {
         let shining = scene.shining();
         let mut lights: Vec<LightSample> = shining.iter().map(|_| LightSample::default()).collect();
-        let points = field.random_visible_points(scene, draws, SEED);
+        let largest_error = |source: &LightSource| {
+            let channel = source.radiance().into_iter().fold(0.0, f64::max);
+            (1.0 - scene.ambient) * channel * shining.len() as f64
+        };
+        let largest_errors: Vec<f64> = shining.iter().map(largest_error).collect();
+        let range = largest_errors.iter().copied().fold(0.0, f64::max);
+        // Nothing errs where light does not depend on shadows.
+        let points = if range > 0.0 { field.random_visible_points(scene, draws, SEED) } else { Vec::new() };
         for (i, point) in points.into_iter().enumerate() {
-            // The order of independent draws is as good as chance.
-            let light = &mut lights[i % shining.len().max(1)];
+            let k = Chance::new(SEED + 1, i as u64).below(shining.len());
             if let Some(point) = point {
-                light.points_mm.push(point.position);
-                light.opacities.push(point.weight);
+                lights[k].points_mm.push(point.position);
+                lights[k].weights.push(point.weight * largest_errors[k] / range);
             }
         }
         for (sample, source) in lights.iter_mut().zip(&shining) {
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &source.light);
             sample.exact = sample.points_mm.par_iter().map(to_light).collect();
         }
-        Self { lights, draws }
+        Self { lights, range, draws }
     }
 
     /// Returns the mean error of the shadow maps of all lights, in order. `query` returns the transmittance of a map at
@@ -89,9 +99,10 @@ impl MeanErrorSample {
                 _ => 1.0,
             };
             let errors = found.iter().zip(&sample.exact).map(error);
-            values.extend(errors.zip(&sample.opacities).map(|(error, opacity)| error * opacity));
+            values.extend(errors.zip(&sample.weights).map(|(error, weight)| error * weight));
         }
-        Ok(MeanError::of_values(&values, self.draws, RISK))
+        let MeanError { estimate, bound } = MeanError::of_values(&values, self.draws, RISK);
+        Ok(MeanError { estimate: self.range * estimate, bound: self.range * bound })
     }
 }
 

@@ -44,6 +44,7 @@ pub mod mean_error;
 pub mod pareto;
 pub mod point_bound;
 mod point_checks;
+pub mod point_report;
 pub mod progress;
 pub mod rays;
 mod reference;

@@ -7,13 +7,13 @@
 //! `min T_i(z + d) - b <= T_method <= max T_i(z - d) + b`. All texels lie within [`Bound::reach_mm`] of the point.
 //! `docs/bound.md` has the derivation.
 
-use super::bound_check::EXACT_ROUNDING;
 use super::exact_rays::{ExactRay, LightRay, tap_offsets, tested_range};
-use super::rays::mix;
+use super::point_report::{PointReport, PointViolation, distance};
 use super::rounding_envelope::{NearbyRays, RoundingEnvelope};
 use super::test_depths::{sort_distinct, test_depths};
 use crate::error::Result;
 use crate::exact::ExactField;
+use crate::random::{mix, mix_to_unit};
 use crate::render::Session;
 use crate::scene::Light;
 use crate::shadow::{Bound, LightSpace, ShadowMap, Taps};
@@ -24,56 +24,6 @@ use rayon::prelude::*;
 const CELLS_AT_ONCE: usize = 64;
 /// Number of light rays between the texel centres of a cell on which points are tested.
 const RAYS_A_CELL: usize = 8;
-
-/// Result of testing a shadow method's error bound at points between the light rays of texels.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PointReport {
-    /// Number of points at which the error bound was tested.
-    pub points: usize,
-    /// Number of points at which the transmittance violates the error bound.
-    pub violations: usize,
-    /// Number of points at which the error bound is satisfied only if float32 rounding of the light rays and of the
-    /// volume's values is allowed for.
-    pub limited: usize,
-    /// Largest distance of the method's transmittance from the allowed interval; negative where all points lie inside.
-    pub margin: Option<f64>,
-    /// Violation with the largest distance in transmittance from the allowed interval.
-    pub worst: Option<PointViolation>,
-}
-
-/// Point at which a shadow method's transmittance lies outside the interval that its error bound allows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointViolation {
-    /// Position of the point, world mm.
-    pub position_mm: DVec3,
-    /// Transmittance from the light to the point, by the shadow method.
-    pub t_method: f64,
-    /// Distance of the method's transmittance from the allowed interval; infinite for NaN.
-    pub amount: f64,
-}
-
-impl PointReport {
-    /// Merges the reports on two sets of points. Of two equal violations, the first is kept.
-    #[must_use]
-    pub fn merge(self, other: Self) -> Self {
-        let worst = match (self.worst, other.worst) {
-            (Some(a), Some(b)) if b.amount > a.amount => Some(b),
-            (a, b) => a.or(b),
-        };
-        Self {
-            points: self.points + other.points,
-            violations: self.violations + other.violations,
-            limited: self.limited + other.limited,
-            margin: self.margin.into_iter().chain(other.margin).max_by(f64::total_cmp),
-            worst,
-        }
-    }
-
-    /// Returns `point_bound_held`: whether the error bound is satisfied at every tested point; `None` without points.
-    pub fn satisfied(&self) -> Option<bool> {
-        (self.points > 0).then_some(self.violations == 0)
-    }
-}
 
 /// Parameters for a test of a shadow map's error bound at points between the light rays of texels.
 pub struct PointTest<'a> {
@@ -147,7 +97,7 @@ impl PointTest<'_> {
         };
         let centre = |[column, row]: [u32; 2]| DVec2::new(f64::from(column), f64::from(row));
         let seed = u64::from(cell[0]) << 32 | u64::from(cell[1]);
-        let share = |k: usize| (mix(seed ^ mix(k as u64)) >> 11) as f64 / (1u64 << 53) as f64;
+        let share = |k: usize| mix_to_unit(seed ^ mix(k as u64));
         let inside = (0..RAYS_A_CELL).map(|k| DVec2::new(share(2 * k), share(2 * k + 1)));
         let lines: Vec<DVec2> = match bound.texels_a_side {
             // Rounding decides between texels at the border of their squares.
@@ -211,24 +161,30 @@ impl Cell<'_> {
         let mean = |texel: &Texel<'_>, z: f64| {
             texel.iter().map(|(_, curve)| curve.transmittance(z)).sum::<f64>() / texel.len() as f64
         };
+        let allowed = |[least, most]: [f64; 2]| [least - bound.transmittance, most + bound.transmittance];
         let interval = |z: f64| {
             let values = |z: f64| self.texels.iter().map(move |texel| mean(texel, z));
-            [values(z + depth_mm).fold(f64::INFINITY, f64::min), values(z - depth_mm).fold(0.0, f64::max)]
+            allowed([
+                values(z + depth_mm).fold(f64::INFINITY, f64::min),
+                values(z - depth_mm).fold(0.0, f64::max),
+            ])
         };
-        let mut report = PointReport { points: values.len(), ..PointReport::default() };
-        let mut outside = |(point, t): (&(f64, DVec3), &f32)| {
-            let (t, amount) = (f64::from(*t), bound.distance(f64::from(*t), interval(point.0)));
-            if amount <= EXACT_ROUNDING {
-                report.margin = report.margin.into_iter().chain([amount]).max_by(f64::total_cmp);
+        let mut report = PointReport::of(values.len());
+        let mut suspects = Vec::new();
+        for ((z, position_mm), t) in self.points.iter().zip(values) {
+            let (transmittance, interval) = (f64::from(*t), interval(*z));
+            let amount = distance([transmittance; 2], interval);
+            if report.is_suspect(amount) {
+                suspects.push((
+                    *z,
+                    PointViolation { position_mm: *position_mm, transmittance, interval, amount },
+                ));
             }
-            (amount > EXACT_ROUNDING).then_some((*point, t, amount))
-        };
-        let suspects: Vec<_> = self.points.iter().zip(values).filter_map(&mut outside).collect();
+        }
         if suspects.is_empty() {
             return report;
         }
-        let mut known: Vec<f64> =
-            suspects.iter().flat_map(|((z, _), ..)| [z - depth_mm, z + depth_mm]).collect();
+        let mut known: Vec<f64> = suspects.iter().flat_map(|(z, _)| [z - depth_mm, z + depth_mm]).collect();
         sort_distinct(&mut known);
         let envelope = |texel: &Texel<'_>| {
             let around = |(ray, _): &(LightRay, ExactRay<'_>)| {
@@ -237,19 +193,13 @@ impl Cell<'_> {
             texel.iter().map(around).collect::<Option<Vec<_>>>().map(RoundingEnvelope::mean)
         };
         let envelopes: Option<Vec<RoundingEnvelope>> = self.texels.iter().map(envelope).collect();
-        for ((z, position_mm), t_method, amount) in suspects {
-            let amount = envelopes.as_ref().map_or(amount, |all| {
+        for (z, mut point) in suspects {
+            if let Some(all) = &envelopes {
                 let least = all.iter().map(|e| e.least(z + depth_mm)).fold(f64::INFINITY, f64::min);
                 let most = all.iter().map(|e| e.most(z - depth_mm)).fold(0.0, f64::max);
-                bound.distance(t_method, [least, most])
-            });
-            let own = if amount > EXACT_ROUNDING {
-                let worst = Some(PointViolation { position_mm, t_method, amount });
-                PointReport { violations: 1, worst, margin: Some(amount), ..PointReport::default() }
-            } else {
-                PointReport { limited: 1, margin: Some(amount), ..PointReport::default() }
-            };
-            report = report.merge(own);
+                point.amount = distance([point.transmittance; 2], allowed([least, most]));
+            }
+            report.count(point);
         }
         report
     }

@@ -1,9 +1,10 @@
 //! Tests of error bounds at points between the light rays of texels, with as many points as a measurement asks for.
 
-use super::enclosure_check::{EnclosureReport, EnclosureTest};
+use super::enclosure_check::EnclosureTest;
 use super::errors::{VisiblePointsByLight, texels_to_test};
 use super::job::{Checked, Job, name_of};
-use super::point_bound::{PointReport, PointTest};
+use super::point_bound::PointTest;
+use super::point_report::PointReport;
 use super::table::Row;
 use crate::error::Result;
 use crate::exact::ExactField;
@@ -48,24 +49,14 @@ impl PointChecks<'_> {
     ) -> Result<Option<String>> {
         let session = self.job.session;
         let Some(widths) = visible.enclosure_widths(session, shadows)? else { return Ok(None) };
-        let mut all = EnclosureReport::default();
+        let mut all = PointReport::default();
         for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
             let (texels, points_a_texel) = self.cells_to_test(source.light, shadow, shadows.len());
             let test = EnclosureTest { texels: &texels, points_a_texel };
             all = all.merge(test.run(self.field, source.light, session, shadow)?);
         }
         row.set_enclosure(&widths, &all);
-        Ok(all.worst.map(|worst| {
-            let ([x, y, z], [lower, upper]) = (worst.position_mm.to_array(), worst.enclosure);
-            format!(
-                "{}: the enclosure does not hold at {} of {} points; worst at ({x:.4}, {y:.4}, {z:.4}) mm: \
-                {lower:.6} to {upper:.6}, exact {:.6}",
-                name_of(method),
-                all.violations,
-                all.points,
-                worst.t_exact,
-            )
-        }))
+        Ok(all.note(&format!("{}: the enclosure", name_of(method))))
     }
 
     /// Returns the texels whose cells or prisms are tested at points in the shadow map of one of `lights` lights, and

@@ -1,17 +1,10 @@
 //! Choice of the shadow map texels whose light rays are tested, spread evenly over the region with extinction and
 //! over the edges of that region.
 
+use crate::random::mix;
+
 /// Largest fraction of the tested shadow map texels that lie at the edges of the region with extinction.
 const EDGE_SHARE: f64 = 0.25;
-
-/// Hashes an integer with the finaliser of `splitmix64`. Hashes replace random numbers in measurements; every run
-/// thus tests the same texels and depths.
-pub(super) fn mix(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
 
 /// Picks `count` distinct texels `[column, row]` of a `map x map` shadow map whose light rays are tested. Equal
 /// arguments always give the same texels.

@@ -3,14 +3,15 @@
 
 use super::bound_check::BoundReport;
 use super::budget::Budget;
+use super::certified::{CertifiedScene, TABLE_ETA};
 use super::check::{Check, check};
 use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
 use super::job::{Checked, Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
 use super::mean_error::{MEAN_ERROR_POINTS, MeanErrorSample};
-use super::point_bound::PointReport;
 use super::point_checks::PointChecks;
+use super::point_report::PointReport;
 use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
@@ -19,6 +20,7 @@ use super::table::Row;
 use super::timing::Timing;
 use crate::error::Result;
 use crate::exact::ExactField;
+use crate::field::DeviceTransfer;
 use crate::render::{Omission, Session, View};
 use crate::scene::{Light, Scene};
 use crate::shadow::{Bound, BuildReport, LightSpace, Method, ShadowMap};
@@ -250,6 +252,7 @@ impl<'a> Reference<'a> {
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadows, &mut row)?);
             notes.extend(self.point_checks().enclosures(method, &self.visible, &shadows, &mut row)?);
+            self.measure_certified(&maps, &transfer, &mut row)?;
             let mut checked = None;
             for (source, shadow) in job.scene.shining().iter().zip(&shadows) {
                 let own = check(job.session, method, shadow, &job.scene.under(*source))?;
@@ -316,18 +319,26 @@ impl<'a> Reference<'a> {
         let bound = Bound::of_all(shadows.iter().map(|map| map.bound));
         row.set_ray_errors(&all, bound);
         row.set_point_bound(&points, bound);
-        notes.extend(points.worst.map(|worst| {
-            let [x, y, z] = worst.position_mm.to_array();
-            format!(
-                "{}: the bound does not hold at {} of {} points; worst by {:.6} at ({x:.4}, {y:.4}, {z:.4}) mm: {:.6}",
-                name_of(method),
-                points.violations,
-                points.points,
-                worst.amount,
-                worst.t_method,
-            )
-        }));
+        notes.extend(points.note(&format!("{}: the bound", name_of(method))));
         Ok(notes)
+    }
+
+    /// Draws the certified picture of shadow maps with enclosures, and writes the bounds on its errors to the comparison
+    /// table row.
+    fn measure_certified(
+        &self,
+        shadows: &[&ShadowMap],
+        transfer: &DeviceTransfer,
+        row: &mut Row,
+    ) -> Result<()> {
+        let ExactPicture { scene, pixels, .. } = &self.exact_picture;
+        if scene.mesh.is_some() || !shadows.iter().all(|map| map.enclosure.is_some()) {
+            return Ok(());
+        }
+        let Session { renderer, loaded, .. } = self.job.session;
+        let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: self.field };
+        row.set_certified(&certified.render(scene, TABLE_ETA)?, pixels);
+        Ok(())
     }
 
     fn point_checks(&self) -> PointChecks<'_> {

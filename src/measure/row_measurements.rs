@@ -1,14 +1,15 @@
 //! Copies measured times, errors and counts of GPU work into the columns of a comparison table row.
 
 use super::bound_check::BoundReport;
+use super::certified::{Certificate, CertifiedPicture};
 use super::check::Check;
-use super::enclosure_check::EnclosureReport;
-use super::point_bound::PointReport;
+use super::point_report::PointReport;
 use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
 use super::timing::Timing;
 use crate::gpu::Work;
 use crate::shadow::Bound;
+use ndarray::Array3;
 
 impl Row {
     /// Sets the columns of shadow map build times, frame times and frame rates in a comparison table row.
@@ -74,11 +75,19 @@ impl Row {
 
     /// Sets the comparison table columns `enclosure_*` except the memory: the widths of the enclosures at points visible
     /// to the camera, and whether they contain the exact transmittance.
-    pub fn set_enclosure(&mut self, widths: &ErrorStats, report: &EnclosureReport) {
+    pub fn set_enclosure(&mut self, widths: &ErrorStats, report: &PointReport) {
         [self.enclosure_width, self.enclosure_width_max] = [widths.mean, widths.max_abs].map(Some);
         self.enclosure_held = report.satisfied();
         self.enclosure_n = Some(report.points as u64);
         self.enclosure_limited = Some(report.limited as u64);
+    }
+
+    /// Sets the comparison table columns `certified_*`: the bounds on the errors of the pixels of a certified picture.
+    pub fn set_certified(&mut self, picture: &CertifiedPicture, exact: &Array3<f32>) {
+        let Certificate { largest, mean, share_of_rays } = picture.certificate();
+        [self.certified_err, self.certified_err_mean, self.certified_rays] =
+            [largest, mean, share_of_rays].map(Some);
+        self.certified_held = Some(picture.excess(exact) <= 0.0);
     }
 
     /// Sets the comparison table columns `work_*`, the counts of GPU operations: per texel for building a shadow map,

@@ -1,6 +1,6 @@
 //! Choice of the depths on a light ray at which a shadow method's transmittance is tested.
 
-use super::rays::mix;
+use crate::random::mix;
 
 /// Offsets of test depths from a jump in transmittance, in units of the depth tolerance. Offsets near 0 test the jump
 /// itself; offsets near 1 detect a jump misplaced by more than the tolerance.

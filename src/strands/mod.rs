@@ -15,7 +15,6 @@
 mod cell_traversal;
 mod formats;
 mod grid;
-mod random;
 mod sets;
 mod tangents;
 mod tubes;
@@ -27,7 +26,6 @@ pub use formats::{
     strands_of_bytes, write_hair,
 };
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
-pub use random::Chance;
 pub use sets::StrandSet;
 pub use tangents::tangents;
 pub use tubes::{MOST_TRIANGLES, SIDES, Tubes, tubes};

@@ -4,10 +4,10 @@
 //! area of a set does not depend on the number of segments (each strand represents a lock of hair), unless strands
 //! would become thicker than 1 mm. Pictures therefore look alike from thousands of segments to millions.
 
-use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
+use crate::random::Chance;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;

@@ -22,14 +22,12 @@ fn certified(setup: &Setup, scene: &Scene, spec: &str, eta: f64) -> CertifiedPic
 
 /// Returns the largest excess of a colour channel's error over its bound, and the mean error and bound.
 fn excess(found: &CertifiedPicture, exact: &Array3<f32>) -> (f32, [f32; 2]) {
-    let (mut worst, mut sums) = (f32::MIN, [0.0; 2]);
+    let mut sums = [0.0; 2];
     for ((y, x), bound) in found.error.indexed_iter() {
         let channels = (0..3).map(|c| (found.pixels[[y, x, c]] - exact[[y, x, c]]).abs());
-        let error = channels.fold(0.0, f32::max);
-        worst = worst.max(error - bound);
-        sums = [sums[0] + error, sums[1] + bound];
+        sums = [sums[0] + channels.fold(0.0, f32::max), sums[1] + bound];
     }
-    (worst, sums.map(|sum| sum / found.error.len() as f32))
+    (found.excess(exact), sums.map(|sum| sum / found.error.len() as f32))
 }
 
 #[test]

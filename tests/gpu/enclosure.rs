@@ -3,8 +3,9 @@
 use super::*;
 use crate::labels::{labelled, through};
 use glam::Vec3Swizzles;
-use umbravox::measure::enclosure_check::{EnclosureReport, EnclosureTest};
+use umbravox::measure::enclosure_check::EnclosureTest;
 use umbravox::measure::errors::{VisiblePointsByLight, texels_to_test};
+use umbravox::measure::point_report::PointReport;
 use umbravox::transfer::ClipPlane;
 
 const ENCLOSED: [&str; 5] = [
@@ -15,7 +16,7 @@ const ENCLOSED: [&str; 5] = [
     "dsm:map=24,near=0,enclose=on,compress=optimal,epsilon=0.001",
 ];
 
-fn tested(setup: &Setup, map: &ShadowMap, light: Light) -> EnclosureReport {
+fn tested(setup: &Setup, map: &ShadowMap, light: Light) -> PointReport {
     let field = setup.exact();
     let texels = texels_to_test(&field, light, &map.light_space, 24);
     let test = EnclosureTest { texels: &texels, points_a_texel: 320 };
@@ -97,7 +98,7 @@ fn a_wrong_enclosure_is_found() {
     assert_eq!(report.satisfied(), Some(false), "{report:?}");
     let worst = report.worst.unwrap();
     let found = map.enclosure.as_ref().unwrap().query(&setup.session, &[worst.position_mm]).unwrap();
-    assert_eq!(found[0].map(f64::from), worst.enclosure);
+    assert_eq!(found[0].map(f64::from), worst.interval);
     // Thinner matter: its curves do not bound those of the tested one.
     let Some(thin) = Setup::open(&volume, &opacity(&[(400.0, 0.0), (600.0, 0.05)])) else { return };
     map.enclosure = thin.shadow(spec, light).enclosure;

@@ -2,7 +2,8 @@
 
 use super::*;
 use umbravox::measure::errors::texels_to_test;
-use umbravox::measure::point_bound::{PointReport, PointTest};
+use umbravox::measure::point_bound::PointTest;
+use umbravox::measure::point_report::PointReport;
 use umbravox::shadow::{Bound, Taps};
 
 /// Maps with a bound: every filter, with and without alignment and marches near the point.
@@ -55,7 +56,7 @@ fn a_bound_that_is_too_small_is_found() {
         let report = tested(&setup, &map, light, Taps::Within(1));
         assert_eq!(report.satisfied(), Some(false), "{spec}: {report:?}");
         let worst = report.worst.unwrap();
-        assert_eq!(setup.query(&map, &[worst.position_mm]), [worst.t_method as f32], "{spec}");
+        assert_eq!(setup.query(&map, &[worst.position_mm]), [worst.transmittance as f32], "{spec}");
         assert!(worst.amount < bound.transmittance, "{spec}: {worst:?}");
     }
 }

@@ -16,9 +16,10 @@ use ndarray::Array3;
 use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::measure::bound_check::BoundReport;
-use umbravox::measure::enclosure_check::{EnclosureReport, EnclosureTest};
+use umbravox::measure::enclosure_check::EnclosureTest;
 use umbravox::measure::errors::RayTest;
-use umbravox::measure::point_bound::{PointReport, PointTest};
+use umbravox::measure::point_bound::PointTest;
+use umbravox::measure::point_report::PointReport;
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
 use umbravox::shadow::{self, Bound};
@@ -63,7 +64,7 @@ pub struct Outcome {
     pub report: BoundReport,
     /// Test of the bound at points between the rays of texels.
     pub points: PointReport,
-    pub enclosure: EnclosureReport,
+    pub enclosure: PointReport,
     pub bound: Bound,
     pub min_spacing_mm: f64,
 }

@@ -232,3 +232,22 @@ fn a_row_that_fails_says_why_and_the_others_go_on() {
             .contains("failed: cannot allocate")
     );
 }
+
+#[test]
+fn a_row_with_an_enclosure_has_a_certified_picture() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut args = TINY;
+    args[12] = "dsm:map=32,enclose=on;dsm:map=32";
+    run(dir.path(), &args);
+    let rows = read_csv(&dir.path().join("out/compare.csv"));
+    let number = |column: &str| rows[0][column].parse::<f64>().unwrap();
+    assert_eq!((rows[0]["certified_held"].as_str(), rows[0]["enclosure_held"].as_str()), ("true", "true"));
+    assert!(number("certified_err_mean") > 5e-4 && number("certified_err_mean") < number("certified_err"));
+    assert!(number("certified_rays") > 0.0 && number("certified_rays") < 1.0);
+    for column in ["certified_held", "certified_err", "certified_err_mean", "certified_rays"] {
+        assert_eq!(rows[1][column], "", "{column}");
+    }
+}

@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Every top-level module, the highest first: name, purpose, and the modules that it may import if these are fewer
 /// than all lower ones.
-const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
+const ROOMS: [(&str, &str, Option<&[&str]>); 22] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
     ("engine", "Interactive session without a window toolkit: shadow cache, requests, render thread.", None),
@@ -22,7 +22,7 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
     ("shadow", "The shadow methods, a folder each.", None),
     ("field", "The scalar field on a device, and what marches through it.", None),
     ("gpu", "Device and limits, buffers, pipelines, timestamps.", Some(&["error"])),
-    ("exact", "The float64 reference.", Some(&["scene", "mesh", "transfer", "volume", "error"])),
+    ("exact", "The float64 reference.", Some(&["scene", "mesh", "transfer", "volume", "random", "error"])),
     ("formats", "Readers and writers of volumes.", None),
     ("phantom", "Built-in volumes.", None),
     ("strands", "Polylines with a thickness, and the volume that stands for them.", None),
@@ -31,6 +31,7 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
     ("transfer", "Extinction and colour as functions of the value.", None),
     ("volume", "Values on a grid with an affine.", None),
     ("files", "Text in, whole files and pictures out, progress of reading.", None),
+    ("random", "Pseudo-random numbers from a seed.", None),
     ("error", "The one error type.", None),
 ];
 

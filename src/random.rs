@@ -1,9 +1,26 @@
-//! Pseudo-random numbers that depend only on a seed.
+//! Pseudo-random numbers that depend only on a seed: `splitmix64` (Steele, Lea and Flood 2014, *Fast splittable
+//! pseudorandom number generators*), with the same results on every machine.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Random number generator (`splitmix64`) with the same results on every machine.
+/// Increment of the generator's state.
+pub const INCREMENT: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Hashes an integer: the first bits of a generator with the state `seed`.
+pub fn mix(seed: u64) -> u64 {
+    let z = seed.wrapping_add(INCREMENT);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Hashes an integer to a number that is uniform in `[0, 1)`.
+pub fn mix_to_unit(seed: u64) -> f64 {
+    (mix(seed) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Random number generator.
 #[derive(Debug, Clone)]
 pub struct Chance(u64);
 
@@ -16,10 +33,9 @@ impl Chance {
 
     /// Returns the next 64 bits of the random number generator.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        let bits = mix(self.0);
+        self.0 = self.0.wrapping_add(INCREMENT);
+        bits
     }
 
     /// Returns a uniform random number in `[0, 1)`.
