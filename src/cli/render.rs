@@ -40,8 +40,9 @@ pub struct RenderArgs {
     /// error: from the exact transmittance at 10,000 random points
     #[arg(long, conflicts_with_all = ["turntable", "light_sweep"])]
     pub error_bound: bool,
-    /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md). The transmittance of a sample errs by at most ETA by the
-    /// bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow ray is cast
+    /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md). The transmittance of a
+    /// sample errs by at most ETA by the bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow
+    /// ray is cast
     #[arg(long, value_name = "ETA", value_parser = values::within(0.0..=1.0),
         conflicts_with_all = ["turntable", "light_sweep", "error_bound"])]
     pub certify: Option<f64>,
@@ -64,10 +65,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
     }
     check_error_picture(&args)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
-    let method = match args.certify {
-        None => settings.method()?,
-        Some(_) => enclosing(&settings.method_spec())?,
+    let spec = match args.certify {
+        None => settings.method_spec(),
+        Some(_) => enclosing(settings.method_spec())?,
     };
+    let method = spec.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
@@ -86,8 +88,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
     session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
         let mut resolved = settings.resolved(scene, &tf_source, suiting);
-        resolved.shadow = Some(settings.method_spec());
-        picture_texts(&adapter, Some(&resolved))
+        resolved.shadow = Some(spec.clone());
+        let certify = args.certify.map(|eta| ("umbravox:certify".to_owned(), eta.to_string()));
+        Ok(picture_texts(&adapter, Some(&resolved))?.into_iter().chain(certify).collect())
     };
     let summary_of = |prepared: &Prepared<'_>, picture: &Picture| {
         Summary::new(&args.output, prepared, method.as_ref(), &scene, picture)
@@ -144,14 +147,15 @@ fn check_error_picture(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the shadow method of a certified picture: the given one with bounds on the exact transmittance.
+/// Returns the settings of the shadow method of a certified picture: the given ones with bounds on the exact
+/// transmittance.
 ///
 /// # Errors
 /// The method cannot store bounds.
-fn enclosing(spec: &MethodSpec) -> Result<Box<dyn Method>> {
+fn enclosing(spec: MethodSpec) -> Result<MethodSpec> {
     let why = "only dsm with from=voxels stores bounds on the exact transmittance";
-    let enclosing = spec.clone().with("enclose", "on").filter(|spec| !spec.is_set("from", "lines"));
-    enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))?.method()
+    let enclosing = spec.with("enclose", "on").filter(|spec| !spec.is_set("from", "lines"));
+    enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))
 }
 
 /// Returns the exact field of a scene, with the directions of strands if its shading reads them.

@@ -96,6 +96,30 @@ fn a_png_holds_the_scene_file_that_draws_it() {
     assert_eq!(a, b);
 }
 
+#[test]
+fn a_certified_png_says_what_it_is() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let args = [
+        "render",
+        "phantom:sphere:24",
+        "--size=33x27",
+        "--certify=0.05",
+        "--shadow=dsm:map=32",
+        "-o",
+        "a.png",
+    ];
+    let run = umbravox(dir.path(), &args);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let file = std::io::BufReader::new(std::fs::File::open(dir.path().join("a.png")).unwrap());
+    let texts = png::Decoder::new(file).read_info().unwrap().info().utf8_text.clone();
+    let text = |key: &str| texts.iter().find(|c| c.keyword == key).unwrap().get_text().unwrap();
+    assert_eq!(text("umbravox:certify"), "0.05");
+    assert!(text("umbravox:scene").contains("map=32,enclose=on"), "{}", text("umbravox:scene"));
+}
+
 /// Writes a segmentation of a phantom of 24 voxels a side: label 1 for its lower half, 5 for the upper one.
 fn write_halves(path: &Path) {
     let scan = load(&VolumeSpec::new("phantom:sphere:24")).unwrap();
