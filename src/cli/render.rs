@@ -15,7 +15,7 @@ use crate::open::provenance::picture_texts;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
-use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap};
+use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -67,7 +67,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let SceneRequest { settings, run } = args.scene.into_request()?;
     let spec = match args.certify {
         None => settings.method_spec(),
-        Some(_) => enclosing(settings.method_spec())?,
+        Some(_) => settings.method_spec().enclosing().map_err(|e| e.at("--shadow"))?,
     };
     let method = spec.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
@@ -147,17 +147,6 @@ fn check_error_picture(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the settings of the shadow method of a certified picture: the given ones with bounds on the exact
-/// transmittance.
-///
-/// # Errors
-/// The method cannot store bounds.
-fn enclosing(spec: MethodSpec) -> Result<MethodSpec> {
-    let why = "only dsm with from=voxels stores bounds on the exact transmittance";
-    let enclosing = spec.with("enclose", "on").filter(|spec| !spec.is_set("from", "lines"));
-    enclosing.ok_or_else(|| Error::input("cannot certify", "--shadow", why))
-}
-
 /// Returns the exact field of a scene, with the directions of strands if its shading reads them.
 ///
 /// # Errors
@@ -180,7 +169,7 @@ fn certify(
     eta: f64,
 ) -> Result<CertifiedPicture> {
     let Prepared { renderer, loaded, transfer, shadows } = prepared;
-    CertifiedScene { renderer, loaded, transfer, shadows, field }.render(scene, eta)
+    CertifiedScene { renderer, loaded, transfer, shadows, field }.render(scene, eta, &|| Ok(()))
 }
 
 /// Returns the mean error of the shadows of a picture.

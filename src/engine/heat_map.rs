@@ -5,6 +5,7 @@ use super::mailbox::EventSender;
 use super::messages::{DifferenceRequest, DifferenceSide, Differences, Event};
 use super::shadow_cache::{MapCoverage, Work};
 use crate::error::Result;
+use crate::measure::error_map::{ErrorMap, Quantity};
 use crate::render::DisplayTexture;
 use crate::report::heat::{inferno, round_max};
 use std::sync::Arc;
@@ -30,6 +31,10 @@ pub fn compare(
     let scene = &request.view.scene;
     let mut found = Vec::new();
     for spec in &request.methods {
+        let spec = match request.view.quantity() {
+            Quantity::Bound => spec.clone().enclosing()?,
+            _ => spec.clone(),
+        };
         let made = session.prepare(spec.method()?.as_ref(), (scene, MapCoverage::Picture), &mut work)?;
         let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &proceed)?;
         let Some(map) = map else {
@@ -39,7 +44,7 @@ pub fn compare(
         found.push((format!("{spec:#}"), map));
     }
     let largest = found.iter().map(|(_, map)| round_max(&map.errors.mapv(f32::abs))).fold(0.0, f32::max);
-    let side = |(spec, map): (String, crate::measure::error_map::ErrorMap)| {
+    let side = |(spec, map): (String, ErrorMap)| {
         let colors = map.errors.iter().flat_map(|e| color(*e, largest, request.logarithmic));
         let (gpu, pixels) = (session.renderer.gpu(), colors.collect::<Vec<u8>>());
         let texture = Arc::new(DisplayTexture::from_srgb8(gpu, scene.width, scene.height, &pixels)?);

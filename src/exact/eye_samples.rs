@@ -4,7 +4,10 @@ use super::ExactField;
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// Point on an eye ray that stands for an equal share of the ray's opacity.
+/// Distance of the first and the last sample from the ends of an eye ray, as a fraction of its opacity.
+const END: f64 = 1e-4;
+
+/// Point on an eye ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeSample {
     /// Position of the sample on an eye ray, world mm.
@@ -22,6 +25,16 @@ pub struct EyeRay {
     pub opacity: f64,
     /// Samples in the middles of equal parts of the opacity, from the eye on; none where there is no opacity.
     pub samples: Vec<EyeSample>,
+    /// Samples at both ends of the ray, close to none and to all of its opacity.
+    pub ends: Vec<EyeSample>,
+}
+
+impl EyeRay {
+    /// Returns the samples from the eye on, between those at the ends.
+    pub fn all_samples(&self) -> impl Iterator<Item = &EyeSample> {
+        let last = self.ends.get(1);
+        self.ends.first().into_iter().chain(&self.samples).chain(last)
+    }
 }
 
 impl ExactField<'_> {
@@ -32,13 +45,14 @@ impl ExactField<'_> {
             scene.camera.ray_direction(f64::from(column), f64::from(row), scene.width, scene.height);
         let curve = self.curve_along(eye, direction, f64::INFINITY);
         let opacity = -(-curve.total()).exp_m1();
-        let sample = |k: usize| {
-            let w = opacity * (k as f64 + 0.5) / n as f64;
-            let found = curve.find((-(-w).ln_1p()).min(curve.total()))?;
+        let sample = |share: f64| {
+            let found = curve.find((-(-share * opacity).ln_1p()).min(curve.total()))?;
             let color = self.transfer_function.function(found.function).color(found.value);
             Some(EyeSample { position: eye + direction * found.depth_mm, color })
         };
-        let samples = if opacity > 0.0 { (0..n).filter_map(sample).collect() } else { Vec::new() };
-        EyeRay { direction, opacity, samples }
+        let n = if opacity > 0.0 { n } else { 0 };
+        let samples = (0..n).filter_map(|k| sample((k as f64 + 0.5) / n as f64)).collect();
+        let ends = if n > 0 { [END, 1.0 - END].into_iter().filter_map(sample).collect() } else { Vec::new() };
+        EyeRay { direction, opacity, samples, ends }
     }
 }

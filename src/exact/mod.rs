@@ -78,6 +78,11 @@ impl<'a> ExactField<'a> {
         Self { directions, ..self }
     }
 
+    /// Returns the directions of strands, if any.
+    pub fn directions(&self) -> Option<&Arc<DirectionMoments>> {
+        self.directions.as_ref()
+    }
+
     /// Returns the volume for which results are computed exactly.
     pub fn volume(&self) -> &'a Volume {
         self.volume

@@ -1,13 +1,17 @@
 //! Map of a shadow method's errors over the pixels of a picture: errors of the picture, or of the transmittance from
-//! the light to the visible point behind each pixel.
+//! the light to the visible point behind each pixel. Or of bounds on the errors of the certified picture.
 
+use super::certified::{CertifiedScene, TABLE_ETA};
 use super::stats::ErrorStats;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exact::{ExactField, VisiblePoint};
 use crate::render::{DeviceTransfer, LightMaps, LoadedVolume, Renderer};
 use crate::scene::Scene;
+use crate::transfer::TransferFunction;
+use crate::volume::DirectionMoments;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Number of picture rows whose exact result is computed between two tests for cancellation.
 const ROWS_AT_ONCE: u32 = 4;
@@ -24,6 +28,9 @@ pub enum Quantity {
     /// Error of the rendered picture: the signed difference of the linear RGB channel with the largest absolute
     /// difference.
     Picture,
+    /// Bound on the error of the certified picture, partly estimated, with ETA 0.03. The method stores enclosures
+    /// (`enclose=on`).
+    Bound,
 }
 
 /// Exact results for the pixels of one scene: a picture, or the transmittance from the light to the visible point
@@ -41,13 +48,15 @@ enum Answer {
     /// transmittance from the light to that point.
     Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
+    /// Nothing: a bound needs no exact result. What it is computed from.
+    Bound(Box<TransferFunction>, Option<Arc<DirectionMoments>>),
 }
 
 /// Errors of one shadow method at each pixel of a picture.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
-    /// Error at each pixel, shadow method minus exact result, `height x width`. NaN where the pixel has no opacity,
-    /// infinite where the method gives NaN.
+    /// Error at each pixel, shadow method minus exact result, or the bound on it, `height x width`. NaN where the pixel
+    /// has no opacity, infinite where the method gives NaN.
     pub errors: Array2<f32>,
     /// Statistics of a shadow method's errors over the pixels with opacity, weighted by opacity; `None` where no
     /// pixel has opacity.
@@ -59,7 +68,7 @@ impl ExactView {
     /// it returns `false`, the computation stops and gives `None`.
     ///
     /// [`Quantity::Light`] takes two rays per pixel: the camera ray, and one from the visible point to the light.
-    /// [`Quantity::Picture`] takes a hundred or more.
+    /// [`Quantity::Picture`] takes a hundred or more. [`Quantity::Bound`] takes none.
     pub fn new(
         field: &ExactField<'_>,
         scene: &Scene,
@@ -86,9 +95,14 @@ impl ExactView {
                     }));
                 }
                 Quantity::Picture => rows_done.push(field.picture_rows(&scene, rows)),
+                Quantity::Bound => break,
             }
         }
         let answer = match quantity {
+            Quantity::Bound => {
+                let tf = Box::new(field.transfer_function().clone());
+                Answer::Bound(tf, field.directions().cloned())
+            }
             Quantity::Light => Answer::Light(visible),
             Quantity::Picture => {
                 let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
@@ -100,12 +114,21 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
+    /// Returns the quantity whose errors are compared.
+    pub fn quantity(&self) -> Quantity {
+        match self.answer {
+            Answer::Light(_) => Quantity::Light,
+            Answer::Picture(_) => Quantity::Picture,
+            Answer::Bound(..) => Quantity::Bound,
+        }
+    }
+
     /// Computes a shadow method's errors at each pixel against the exact results. `shadows` are the shadow maps of
     /// the scene's lights, in order. `go_on` is called repeatedly; if it returns `false`, the computation stops and
     /// gives `None`.
     ///
     /// # Errors
-    /// The device is lost.
+    /// The device is lost, or bounds are asked of a shadow map without enclosures.
     pub fn errors<'a>(
         &self,
         renderer: &Renderer,
@@ -146,6 +169,23 @@ impl ExactView {
                     if opacity > 0.0 {
                         *error = farthest as f32;
                         weighted.push((farthest, opacity));
+                    }
+                }
+            }
+            Answer::Bound(tf, directions) => {
+                let field = ExactField::new(&loaded.volume, tf).with_directions(directions.clone());
+                let shadows = shadows.maps();
+                let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: &field };
+                let proceed = || if go_on() { Ok(()) } else { Err(Error::cancelled("certified picture")) };
+                let certified = match certified.render(&self.scene, TABLE_ETA, &proceed) {
+                    Err(e) if e.is_cancelled() => return Ok(None),
+                    found => found?,
+                };
+                for ((row, column), error) in errors.indexed_iter_mut() {
+                    let opacity = f64::from(certified.pixels[[row, column, 3]]);
+                    if opacity > 0.0 {
+                        *error = certified.error[[row, column]];
+                        weighted.push((f64::from(*error), opacity));
                     }
                 }
             }

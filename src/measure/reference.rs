@@ -337,7 +337,7 @@ impl<'a> Reference<'a> {
         }
         let Session { renderer, loaded, .. } = self.job.session;
         let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: self.field };
-        row.set_certified(&certified.render(scene, TABLE_ETA)?, pixels);
+        row.set_certified(&certified.render(scene, TABLE_ETA, &|| Ok(()))?, pixels);
         Ok(())
     }
 

@@ -88,6 +88,17 @@ impl MethodSpec {
         self.settings().any(|(k, value)| k.name == key && value == Value::Choice(word) && self.applies(k))
     }
 
+    /// Returns the settings with bounds on the exact transmittance (`enclose=on`).
+    ///
+    /// # Errors
+    /// The method stores no such bounds.
+    pub fn enclosing(self) -> Result<Self> {
+        let name = self.entry.name;
+        let enclosing = self.with("enclose", "on").filter(|spec| !spec.is_set("from", "lines"));
+        let why = "only dsm with from=voxels stores bounds on the exact transmittance";
+        enclosing.ok_or_else(|| Error::input("cannot certify", name, why))
+    }
+
     /// Returns the number of shadow map texels per side if a setting fixes it; `None` if it is chosen from the scene.
     pub fn map_size(&self) -> Option<u32> {
         if let Some(Value::Whole(side)) = self.value(MAP) { Some(side) } else { None }

@@ -72,3 +72,23 @@ fn picture_errors_include_shading() {
     bench.app().difference.shows = None;
     bench.settle();
 }
+
+#[test]
+fn bounds_are_those_of_methods_that_have_them() {
+    let shown = ["phantom:sphere:16", "--tf=uniform", "--shadow=dsm:map=32"];
+    let Some(mut bench) = Bench::open(&shown) else { return };
+    bench.app().difference.shows = Some(Quantity::Bound);
+    bench.wait_for("the coarsest bounds", |app| app.difference.found.is_some());
+    let side = &bench.app().difference.found.as_ref().unwrap().sides[0];
+    assert!(side.spec.contains("enclose=on"), "{}", side.spec);
+    let stats = side.map.stats.unwrap();
+    // Rounding alone is 5e-4; far from everything the bound is not shown.
+    assert!(stats.mean > 5e-4 && stats.max_abs < 0.2 && stats.count > 20, "{stats:?}");
+    assert!(side.map.errors[[0, 0]].is_nan());
+
+    // A method without bounds is refused in words, and the picture is shown again.
+    bench.app().model.document.as_mut().unwrap().method = "osm:map=32".parse().unwrap();
+    bench.wait_for("the refusal", |app| app.difference.shows.is_none());
+    let messages = &bench.app().model.messages;
+    assert!(messages.iter().any(|m| m.text.contains("only dsm")), "{}", messages.len());
+}

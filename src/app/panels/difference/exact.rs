@@ -14,8 +14,8 @@ use std::sync::atomic::Ordering;
 /// Pixel sizes of the successive refinements of the heat map of transmittance errors, in pixels of the window's
 /// picture.
 const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
-/// Pixel sizes of the successive refinements of the heat map of colour errors, in pixels of the window's picture.
-/// This heat map takes about a hundred times as long as that of transmittance errors.
+/// Pixel sizes of the successive refinements of the heat map of colour errors, in pixels of the window's picture, and
+/// of that of bounds on them. This heat map takes about a hundred times as long as that of transmittance errors.
 const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
 
 /// Inputs of the exact reference picture for the error heat maps: transfer function, scene, and quantity
@@ -50,7 +50,7 @@ pub fn start(
         let field = ExactField::new(&volume, &what.tf).with_directions(directions);
         let divisors: &[f64] = match what.quantity {
             Quantity::Light => &LIGHT_DIVISORS,
-            Quantity::Picture => &PICTURE_DIVISORS,
+            Quantity::Picture | Quantity::Bound => &PICTURE_DIVISORS,
         };
         for divisor in divisors {
             let side = |n: u32| ((f64::from(n) / divisor).round() as u32).max(1);

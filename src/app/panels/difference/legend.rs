@@ -27,8 +27,10 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     let what = match quantity {
         Quantity::Light if is_narrow => "light error",
         Quantity::Picture if is_narrow => "picture error",
+        Quantity::Bound if is_narrow => "error bound",
         Quantity::Light => "transmittance error at visible points",
         Quantity::Picture => "picture error (linear RGB)",
+        Quantity::Bound => "estimated bound on the error of the certified picture (linear RGB)",
     };
     let mut lines = Vec::new();
     if let Some(found) = &difference.found {
@@ -48,7 +50,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
         let more = if difference.is_done() { "" } else { ", refining …" };
         lines.push(format!("{what} · {} x {}{more}", scene.width, scene.height));
     } else {
-        lines.push(format!("{what} · computing the exact picture …"));
+        lines.push(format!("{what} · computing …"));
     }
     let font = FontId::proportional(12.0);
     let color = theme::OVER_PICTURE;
