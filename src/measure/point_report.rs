@@ -35,7 +35,7 @@ pub struct PointViolation {
 
 impl PointReport {
     /// Creates the report of points, none of which is tested yet.
-    pub(super) fn of(points: usize) -> Self {
+    pub(crate) fn of(points: usize) -> Self {
         Self { points, ..Self::default() }
     }
 

@@ -9,7 +9,7 @@ const SLAB_TEXELS: f64 = 0.5;
 /// Smallest length of a slab, in smallest voxel spacings: the field is smooth within a voxel.
 const LEAST_SLAB: f64 = 0.25;
 /// Largest number of slabs of a prism: software adapters limit the iterations of all loops together.
-const MOST_SLABS: f64 = 1536.0;
+const MOST_SLABS: f64 = 1024.0;
 /// Factor that covers roundings and terms of higher order in the small angle between light rays of a texel.
 const RESERVE: f64 = 1.1;
 

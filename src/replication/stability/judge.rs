@@ -1,6 +1,7 @@
 //! Detection of numerical faults of a shadow method in a stability case.
 
 use crate::measure::bound_check::{BoundReport, Sanity};
+use crate::measure::point_report::PointReport;
 use crate::shadow::{Bound, Curve};
 use serde::Serialize;
 
@@ -58,6 +59,10 @@ pub struct Findings {
     pub check: BoundReport,
     /// Error bound that the shadow method states for transmittance along light rays, if any.
     pub bound: Option<Bound>,
+    /// Error bound tested at points between the light rays of texels.
+    pub points: PointReport,
+    /// Enclosure of the exact transmittance (`enclose=on`), tested at points.
+    pub enclosure: PointReport,
     /// Counts of transmittance values along light rays that increase with depth, lie outside `[0, 1]`, or are not
     /// finite.
     pub rays: Sanity,
@@ -106,7 +111,9 @@ impl Findings {
         } else if self.rays.monotone_violations > 0 && self.curve == Curve::Falls {
             // Increases that the method's definition permits are counted and reported, but are not a fault.
             Status::NotMonotone
-        } else if self.check.satisfied() == Some(false) {
+        } else if self.check.satisfied() == Some(false)
+            || self.points.merge(self.enclosure).satisfied() == Some(false)
+        {
             Status::BoundExceeded
         } else {
             Status::Ok
@@ -142,6 +149,8 @@ impl Findings {
                 worst.t_exact
             ));
         }
+        faults.extend(self.points.note("the bound"));
+        faults.extend(self.enclosure.note("the enclosure"));
         faults
     }
 }
@@ -149,6 +158,8 @@ impl Findings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::point_report::PointViolation;
+    use glam::DVec3;
 
     fn narrow() -> Bound {
         Bound { transmittance: 0.02, depth_mm: 0.1, ..Bound::default() }
@@ -192,6 +203,28 @@ mod tests {
             assert_eq!(found.status(), status, "{values:?}");
             assert!(found.faults().iter().any(|c| c.contains(said)), "{:?}", found.faults());
         }
+    }
+
+    #[test]
+    fn violations_at_points_come_out() {
+        let violation = PointViolation {
+            position_mm: DVec3::new(1.0, 2.0, 3.0),
+            transmittance: 0.7,
+            interval: [0.2, 0.5],
+            amount: 0.2,
+        };
+        let violated = PointReport { violations: 1, worst: Some(violation), ..PointReport::of(40) };
+        let right = of(EXACT, Some(narrow()));
+        for (found, said) in [
+            (Findings { points: violated, ..right }, "the bound does not hold at 1 of 40 points"),
+            (Findings { enclosure: violated, ..right }, "the enclosure does not hold at 1 of 40 points"),
+        ] {
+            assert_eq!(found.status(), Status::BoundExceeded);
+            let [fault] = &found.faults()[..] else { panic!("{:?}", found.faults()) };
+            assert!(fault.contains(said) && fault.contains("0.7"), "{fault}");
+        }
+        let held = Findings { points: PointReport::of(40), enclosure: PointReport::of(9), ..right };
+        assert_eq!((held.status(), held.faults()), (Status::Ok, vec![]));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //!
 //! A case (`cases`) has a small volume, a transfer function, some lights, and settings that override those of the
 //! methods. Every method is built, queried along light rays through texel centres, and rendered as a small picture.
+//! Methods with an error bound are also queried at points between these rays.
 //!
 //! `judge` finds numerical faults: values that are not finite or outside `[0, 1]`, violations of the error bound, and
 //! transmittance that increases with depth. Increases count only between depths that float32 can distinguish. For
@@ -22,7 +23,9 @@ pub use table::Row;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::measure::bound_check::{BoundReport, Sanity};
+use crate::measure::enclosure_check::EnclosureTest;
 use crate::measure::errors::{RayTest, meets_extinction};
+use crate::measure::point_bound::PointTest;
 use crate::measure::rays::pick_texels;
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::{Light, Scene};
@@ -34,6 +37,10 @@ use std::sync::Arc;
 /// tested on each ray.
 const RAYS: usize = 48;
 const DEPTHS: usize = 96;
+/// Number of cells between texel centres, and of prisms of texels, in which error bounds are tested at points, and of
+/// points in each.
+const CELLS: usize = 24;
+const POINTS_A_CELL: usize = 256;
 /// Maximum number of texels per side of the regular grid on the shadow map from which tested light rays are chosen.
 const CANDIDATES: u32 = 64;
 /// Width and height of the pictures in stability tests, pixels.
@@ -251,6 +258,7 @@ impl Lit<'_> {
             cost = cost.smaller_times(first);
         }
         let mut found = self.query_rays(method, &shadow)?;
+        self.query_points(method, &shadow, &mut found)?;
         found.check_picture(&picture.pixels);
         Ok((found, cost))
     }
@@ -279,6 +287,19 @@ impl Lit<'_> {
             rays = rays.merge(Sanity::of_ray(depths, values, [RANGE, rise], apart_mm));
         })?;
         Ok(Findings { check, bound: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
+    }
+
+    /// Tests the error bound and the enclosure of a shadow method, if it has them, at points between light rays.
+    fn query_points(&self, method: &dyn Method, shadow: &ShadowMap, found: &mut Findings) -> Result<()> {
+        if shadow.bound.is_some() {
+            let mut texels = self.texels(&shadow.light_space);
+            texels.truncate(CELLS);
+            let cells = PointTest { cells: &texels, points_a_cell: POINTS_A_CELL, taps: method.taps() };
+            found.points = cells.run(self.field, self.light, self.session, shadow)?;
+            let prisms = EnclosureTest { texels: &texels, points_a_texel: POINTS_A_CELL };
+            found.enclosure = prisms.run(self.field, self.light, self.session, shadow)?;
+        }
+        Ok(())
     }
 
     /// Chooses the shadow map texels on whose light rays transmittance is tested: the middle of the map, and texels

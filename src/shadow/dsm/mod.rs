@@ -205,7 +205,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(DeepShadowMap::from_values(values)?)),
     compared: "dsm:epsilon=0.06,0.02,0.005",
     curve: "dsm:epsilon=0.06,0.02",
-    stability: "dsm:map=64",
+    stability: "dsm:map=64,enclose=on",
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
 };
 
