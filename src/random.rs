@@ -1,5 +1,5 @@
 //! Pseudo-random numbers that depend only on a seed: `splitmix64` (Steele, Lea and Flood 2014, *Fast splittable
-//! pseudorandom number generators*), with the same results on every machine.
+//! pseudorandom number generators*), with the same bits on every machine.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -17,7 +17,11 @@ pub fn mix(seed: u64) -> u64 {
 
 /// Hashes an integer to a number that is uniform in `[0, 1)`.
 pub fn mix_to_unit(seed: u64) -> f64 {
-    (mix(seed) >> 11) as f64 / (1u64 << 53) as f64
+    unit_of(mix(seed))
+}
+
+fn unit_of(bits: u64) -> f64 {
+    (bits >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// Random number generator.
@@ -40,7 +44,7 @@ impl Chance {
 
     /// Returns a uniform random number in `[0, 1)`.
     pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+        unit_of(self.bits())
     }
 
     /// Returns a uniform random number in `[low, high)`.

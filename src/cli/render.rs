@@ -9,7 +9,7 @@ use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture, write_picture_with};
 use crate::gpu::{Clock, Gpu};
-use crate::measure::certified::{Certificate, CertifiedPicture, CertifiedScene};
+use crate::measure::certified::{self, Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
@@ -73,9 +73,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
-    if args.certify.is_some() && scene.mesh.is_some() {
-        let why = "opaque objects hide light, of which the shadow map knows nothing";
-        return Err(Error::input("cannot certify", "picture", why));
+    if args.certify.is_some() {
+        certified::check(&scene)?;
     }
     let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
     let adapter = renderer.gpu().info.name.clone();

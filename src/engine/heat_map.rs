@@ -5,6 +5,7 @@ use super::mailbox::EventSender;
 use super::messages::{DifferenceRequest, DifferenceSide, Differences, Event};
 use super::shadow_cache::{MapCoverage, Work};
 use crate::error::Result;
+use crate::measure::certified;
 use crate::measure::error_map::{ErrorMap, Quantity};
 use crate::render::DisplayTexture;
 use crate::report::heat::{inferno, round_max};
@@ -29,12 +30,13 @@ pub fn compare(
     let mut work = Work::default();
     session.set_transfer(&request.tf, &mut work)?;
     let scene = &request.view.scene;
+    let bounds = request.view.quantity() == Quantity::Bound;
+    if bounds {
+        certified::check(scene)?;
+    }
     let mut found = Vec::new();
     for spec in &request.methods {
-        let spec = match request.view.quantity() {
-            Quantity::Bound => spec.clone().enclosing()?,
-            _ => spec.clone(),
-        };
+        let spec = if bounds { spec.clone().enclosing()? } else { spec.clone() };
         let made = session.prepare(spec.method()?.as_ref(), (scene, MapCoverage::Picture), &mut work)?;
         let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &proceed)?;
         let Some(map) = map else {

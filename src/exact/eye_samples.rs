@@ -25,15 +25,15 @@ pub struct EyeRay {
     pub opacity: f64,
     /// Samples in the middles of equal parts of the opacity, from the eye on; none where there is no opacity.
     pub samples: Vec<EyeSample>,
-    /// Samples at both ends of the ray, close to none and to all of its opacity.
-    pub ends: Vec<EyeSample>,
+    /// Samples at both ends of the ray, at 1e-4 of its opacity and as much before all of it.
+    pub ends: Option<[EyeSample; 2]>,
 }
 
 impl EyeRay {
     /// Returns the samples from the eye on, between those at the ends.
     pub fn all_samples(&self) -> impl Iterator<Item = &EyeSample> {
-        let last = self.ends.get(1);
-        self.ends.first().into_iter().chain(&self.samples).chain(last)
+        let [first, last] = self.ends.as_ref().map_or([None; 2], |ends| ends.each_ref().map(Some));
+        first.into_iter().chain(&self.samples).chain(last)
     }
 }
 
@@ -50,9 +50,13 @@ impl ExactField<'_> {
             let color = self.transfer_function.function(found.function).color(found.value);
             Some(EyeSample { position: eye + direction * found.depth_mm, color })
         };
-        let n = if opacity > 0.0 { n } else { 0 };
-        let samples = (0..n).filter_map(|k| sample((k as f64 + 0.5) / n as f64)).collect();
-        let ends = if n > 0 { [END, 1.0 - END].into_iter().filter_map(sample).collect() } else { Vec::new() };
-        EyeRay { direction, opacity, samples, ends }
+        let found = || -> Option<(Vec<EyeSample>, [EyeSample; 2])> {
+            let samples = (0..n).map(|k| sample((k as f64 + 0.5) / n as f64)).collect::<Option<_>>()?;
+            Some((samples, [sample(END)?, sample(1.0 - END)?]))
+        };
+        match if opacity > 0.0 { found() } else { None } {
+            Some((samples, ends)) => EyeRay { direction, opacity, samples, ends: Some(ends) },
+            None => EyeRay { direction, opacity, samples: Vec::new(), ends: None },
+        }
     }
 }

@@ -6,8 +6,8 @@
 //! is cast.
 //!
 //! The integral over the samples has an error of its own. If the light is monotone between neighbouring samples, it is at
-//! most half a sample's share of the sum of their differences. Otherwise it is estimated by the change of the picture if
-//! only every third sample is taken. The larger of both is an estimate, not a bound.
+//! most half a sample's share of the sum of their differences in light and in its error. Otherwise it is estimated by the
+//! change of the picture if only every third sample is taken. The larger of both is an estimate, not a bound.
 
 use crate::error::{Error, Result};
 use crate::exact::{ExactField, EyeRay};
@@ -23,10 +23,11 @@ use serde::Serialize;
 /// Number of samples of an eye ray: a power of 3, so that every third is in the middle of a part three times as large.
 const SAMPLES: usize = 81;
 /// Number of pixels whose samples are in memory at the same time.
-const PIXELS_AT_ONCE: usize = 1 << 12;
+const PIXELS_AT_ONCE: usize = 1 << 10;
 /// Factor on the change of a picture with a third of the samples, as an estimate of the error with all of them.
 const SAFETY: f64 = 2.0;
-/// Error of float32 pixels, and of the exact picture with which they are compared.
+/// Error of float32 pixels, of the exact picture with which they are compared, and of the ends of eye rays, for colours
+/// up to 1. Brighter light has a larger one.
 const ROUNDING: f32 = 5e-4;
 
 /// Picture with a bound on the error of every pixel.
@@ -77,8 +78,25 @@ impl CertifiedPicture {
     }
 }
 
-/// ETA of the certified pictures that comparison tables have: largest error of a transmittance that no shadow ray answers.
-pub const TABLE_ETA: f64 = 0.03;
+/// ETA of the certified pictures in tables and in the window: largest error of a transmittance that no shadow ray
+/// answers.
+pub const DEFAULT_ETA: f64 = 0.03;
+
+/// Returns whether pictures of a scene can be certified.
+///
+/// # Errors
+/// The scene has opaque objects.
+pub fn check(scene: &Scene) -> Result<()> {
+    let why = "opaque objects hide light, of which the shadow map knows nothing";
+    if scene.mesh.is_some() { Err(Error::input("cannot certify", "picture", why)) } else { Ok(()) }
+}
+
+/// Returns the largest channel of light that a point receives without shadows and shading.
+fn brightness(scene: &Scene) -> f64 {
+    let channel = |c: usize| scene.shining().iter().map(|source| source.radiance()[c]).sum::<f64>();
+    let largest = (0..3).map(channel).fold(0.0, f64::max);
+    scene.ambient + (1.0 - scene.ambient) * largest
+}
 
 /// Renderer with the volume, the transfer function and the shadow maps of a scene.
 pub struct CertifiedScene<'a> {
@@ -118,7 +136,7 @@ impl CertifiedScene<'_> {
     /// rays.
     ///
     /// # Errors
-    /// The scene has a mesh, a shadow map has no enclosure, the device is lost, or `go_on`, which is called every few
+    /// The scene has a mesh, a shadow map has no enclosure, the device is lost, or `go_on`, which is called every
     /// thousand pixels, returns an error.
     pub fn render(
         &self,
@@ -126,10 +144,7 @@ impl CertifiedScene<'_> {
         eta: f64,
         go_on: &dyn Fn() -> Result<()>,
     ) -> Result<CertifiedPicture> {
-        if scene.mesh.is_some() {
-            let why = "opaque objects hide light where no shadow map knows it";
-            return Err(Error::input("cannot certify", "picture", why));
-        }
+        check(scene)?;
         let rays = self.renderer.shadows_in(
             self.loaded,
             self.transfer,
@@ -158,11 +173,12 @@ impl CertifiedScene<'_> {
         }
         let size = (scene.height as usize, width as usize);
         let at = |y: usize, x: usize| y * size.1 + x;
+        let rounding = ROUNDING * brightness(scene).max(1.0) as f32;
         let error = Array2::from_shape_fn(size, |(y, x)| {
             let around = (y.saturating_sub(1)..(y + 2).min(size.0))
                 .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(size.1)).map(move |x| at(y, x)));
             let sample_error = around.map(|i| pixels[i].sample_error).fold(0.0, f32::max);
-            pixels[at(y, x)].shadow_error + sample_error + ROUNDING
+            pixels[at(y, x)].shadow_error + sample_error + rounding
         });
         let pixels = Array3::from_shape_fn((size.0, size.1, 4), |(y, x, c)| pixels[at(y, x)].rgba[c]);
         Ok(CertifiedPicture { pixels, error, share_of_rays: lookups[0] as f64 / lookups[1].max(1) as f64 })
@@ -194,8 +210,8 @@ impl CertifiedScene<'_> {
                 return Err(Error::runtime("cannot certify", "picture", why));
             }
         };
-        // NaN is no bound.
-        let is_wide = |i: &usize| error[*i].is_nan() || error[*i] > eta.max(MARCH_ERROR);
+        // Neither NaN nor an upper bound below the lower one is a bound.
+        let is_wide = |i: &usize| !(0.0..=eta.max(MARCH_ERROR)).contains(&error[*i]);
         let wide: Vec<usize> = (0..points.len()).filter(is_wide).collect();
         let far: Vec<DVec3> = wide.iter().map(|i| points[*i]).collect();
         for (i, t) in wide.iter().zip(query(rays, &far)?) {
@@ -222,7 +238,7 @@ impl Pixel {
         let share = ray.opacity / ray.samples.len().max(1) as f64;
         let direct = 1.0 - scene.ambient;
         let [mut color, mut coarse, mut error, mut variation] = [[0.0; 3]; 4];
-        let mut before: Option<[f64; 3]> = None;
+        let mut before: Option<[[f64; 2]; 3]> = None;
         for (k, sample) in ray.all_samples().enumerate() {
             // Light of each channel, and the bound on its error.
             let lit: [[f64; 2]; 3] = std::array::from_fn(|c| {
@@ -234,7 +250,9 @@ impl Pixel {
             });
             for c in 0..3 {
                 let [light, own] = lit[c];
-                variation[c] += before.map_or(0.0, |before| (light - before[c]).abs());
+                if let Some([last, last_own]) = before.map(|before| before[c]) {
+                    variation[c] += (light - last).abs() + (own - last_own).abs();
+                }
                 // The first and the last sample are those at the ends.
                 if (1..=ray.samples.len()).contains(&k) {
                     color[c] += share * light;
@@ -245,11 +263,13 @@ impl Pixel {
                     }
                 }
             }
-            before = Some(lit.map(|[light, _]| light));
+            before = Some(lit);
         }
-        let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
+        // NaN is in excess of every bound.
+        let larger = |a: f64, b: f64| if a.is_nan() || b.is_nan() { f64::INFINITY } else { a.max(b) };
+        let largest = |values: [f64; 3]| values.into_iter().fold(0.0, larger);
         let change = largest(std::array::from_fn(|c| (color[c] - coarse[c]).abs()));
-        let sample_error = f64::max(0.5 * share * largest(variation), SAFETY * change) as f32;
+        let sample_error = larger(0.5 * share * largest(variation), SAFETY * change) as f32;
         let [red, green, blue] =
             std::array::from_fn(|c| (color[c] + (1.0 - ray.opacity) * scene.background[c]) as f32);
         let rgba = [red, green, blue, ray.opacity as f32];
@@ -263,22 +283,20 @@ mod tests {
     use crate::exact::EyeSample;
     use crate::phantom::Phantom;
 
-    /// The light falls from 1 to 0 at some places. All places between the same two samples give the same pixel.
+    fn ray_of(sample: EyeSample) -> EyeRay {
+        EyeRay { direction: DVec3::X, opacity: 1.0, samples: vec![sample; SAMPLES], ends: Some([sample; 2]) }
+    }
+
+    /// A band of light begins and ends between samples. All places between the same two samples give the same pixel.
     #[test]
     fn jumps_between_two_samples_are_within_the_bound() {
         let scene = Scene { ambient: 0.0, ..Scene::framing(&Phantom::Slab.build(8).unwrap()) };
-        let sample = EyeSample { position: DVec3::ZERO, color: [1.0, 0.5, 0.0] };
-        let ray = EyeRay {
-            direction: DVec3::X,
-            opacity: 1.0,
-            samples: vec![sample; SAMPLES],
-            ends: vec![sample; 2],
-        };
+        let ray = ray_of(EyeSample { position: DVec3::ZERO, color: [1.0, 0.5, 0.0] });
         let middles = || (0..SAMPLES).map(|k| (k as f64 + 0.5) / SAMPLES as f64);
         let places: Vec<f64> = std::iter::once(0.0).chain(middles()).chain([1.0]).collect();
         let mut worst = 0.0;
-        for i in 0..=1000 {
-            // A band of light, with an end in front of each place.
+        // Narrower bands may lie between two samples, which do not show them.
+        for i in 20..=1000 {
             let [from, to] = [0.3, 1.0].map(|end| end * f64::from(i) / 1000.0);
             let light: Vec<f64> =
                 places.iter().map(|at| f64::from(u8::from(*at >= from && *at < to))).collect();
@@ -290,5 +308,24 @@ mod tests {
             worst = f64::max(worst, off / f64::from(pixel.sample_error).max(1e-6));
         }
         assert!(worst > 0.8, "the bound is far too large: {worst}");
+    }
+
+    /// Bounds are wide at every other sample, and the light is at their lower end everywhere between the narrow ones.
+    #[test]
+    fn uneven_bounds_contain_the_light_between_samples() {
+        let scene = Scene { ambient: 0.0, ..Scene::framing(&Phantom::Slab.build(8).unwrap()) };
+        let ray = ray_of(EyeSample { position: DVec3::ZERO, color: [1.0; 3] });
+        let error: Vec<f64> = (0..SAMPLES + 2).map(|k| if k % 2 == 1 { 0.03 } else { 0.0 }).collect();
+        let of = |light: Vec<f64>, error: Vec<f64>| {
+            Pixel::of(&scene, &ray, &[SourceLight { source: scene.light().into(), light, error }], 0)
+        };
+        let pixel = of(vec![0.5; SAMPLES + 2], error.clone());
+        assert!((pixel.rgba[0] - 0.5).abs() < 1e-6);
+        let bound = pixel.shadow_error + pixel.sample_error;
+        assert!(bound > 0.03 - 1e-6 && bound < 0.04, "{bound}");
+        // A light without a number has no bound.
+        let mut light = vec![0.5; SAMPLES + 2];
+        light[7] = f64::NAN;
+        assert_eq!(of(light, error).sample_error, f32::INFINITY);
     }
 }

@@ -122,7 +122,7 @@ impl TestedRay<'_> {
         for (z, found) in self.depths_mm.iter().zip(found) {
             let (interval, t_exact) = (found.map(f64::from), self.curve.transmittance(*z));
             let mut amount = distance([t_exact; 2], interval);
-            if !report.is_suspect(amount) {
+            if report.records_inside(amount) {
                 continue;
             }
             let around = envelope.get_or_insert_with(|| {

@@ -1,7 +1,7 @@
 //! Map of a shadow method's errors over the pixels of a picture: errors of the picture, or of the transmittance from
-//! the light to the visible point behind each pixel. Or of bounds on the errors of the certified picture.
+//! the light to the visible point behind each pixel; or bounds on the errors of the certified picture.
 
-use super::certified::{CertifiedScene, TABLE_ETA};
+use super::certified::{CertifiedScene, DEFAULT_ETA};
 use super::stats::ErrorStats;
 use crate::error::{Error, Result};
 use crate::exact::{ExactField, VisiblePoint};
@@ -48,7 +48,7 @@ enum Answer {
     /// transmittance from the light to that point.
     Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
-    /// Nothing: a bound needs no exact result. What it is computed from.
+    /// Transfer function and strand directions for a certified picture: its bounds need no exact results.
     Bound(Box<TransferFunction>, Option<Arc<DirectionMoments>>),
 }
 
@@ -177,7 +177,7 @@ impl ExactView {
                 let shadows = shadows.maps();
                 let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: &field };
                 let proceed = || if go_on() { Ok(()) } else { Err(Error::cancelled("certified picture")) };
-                let certified = match certified.render(&self.scene, TABLE_ETA, &proceed) {
+                let certified = match certified.render(&self.scene, DEFAULT_ETA, &proceed) {
                     Err(e) if e.is_cancelled() => return Ok(None),
                     found => found?,
                 };

@@ -1,13 +1,13 @@
 //! Bound on the mean error of a picture's shadows, from random points, at 99 % confidence. It holds for any shadow method,
 //! and assumes nothing about the distribution of its errors.
 //!
-//! A pixel, a light and a point that the pixel sees are drawn at random. Let `w` be the light's largest channel times
-//! `1 - ambient` and the number of lights, and `opacity` that of the pixel. The product
-//! `w opacity |T_method - T_exact|` has the mean
+//! A pixel, a point that it sees, and a light are drawn at random, each light with a probability in proportion to its
+//! largest channel. Let `r` be the sum of these channels times `1 - ambient`, and `opacity` that of the pixel. The product
+//! `r opacity |T_method - T_exact|` has the mean
 //! `mean over pixels of sum over lights of (1 - ambient) light integral(T_eye sigma |T_method - T_exact| dt)`. No channel
-//! of a picture without shading errs by more than this on average. The products lie between 0 and the largest `w`, so
-//! that the empirical Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and
-//! sample variance penalization*, Theorem 4).
+//! of a picture without shading errs by more than this on average. The products lie in `[0, r]`, so that the empirical
+//! Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and sample variance
+//! penalization*, Theorem 4).
 
 use crate::error::Result;
 use crate::exact::ExactField;
@@ -39,8 +39,8 @@ pub struct MeanErrorSample {
 #[derive(Default)]
 struct LightSample {
     points_mm: Vec<DVec3>,
-    /// Factor on the error of the transmittance at each point, relative to the largest possible error of a pixel.
-    weights: Vec<f64>,
+    /// Opacity of the pixel that sees each point.
+    opacities: Vec<f64>,
     exact: Vec<f64>,
 }
 
@@ -58,19 +58,23 @@ impl MeanErrorSample {
     pub fn new(field: &ExactField, scene: &Scene, draws: usize) -> Self {
         let shining = scene.shining();
         let mut lights: Vec<LightSample> = shining.iter().map(|_| LightSample::default()).collect();
-        let largest_error = |source: &LightSource| {
-            let channel = source.radiance().into_iter().fold(0.0, f64::max);
-            (1.0 - scene.ambient) * channel * shining.len() as f64
-        };
-        let largest_errors: Vec<f64> = shining.iter().map(largest_error).collect();
-        let range = largest_errors.iter().copied().fold(0.0, f64::max);
+        let channel = |source: &LightSource| source.radiance().into_iter().fold(0.0, f64::max);
+        let channels: Vec<f64> = shining.iter().map(channel).collect();
+        let sum: f64 = channels.iter().sum();
+        let range = (1.0 - scene.ambient) * sum;
         // Nothing errs where light does not depend on shadows.
         let points = if range > 0.0 { field.random_visible_points(scene, draws, SEED) } else { Vec::new() };
         for (i, point) in points.into_iter().enumerate() {
-            let k = Chance::new(SEED + 1, i as u64).below(shining.len());
+            let drawn = sum * Chance::new(SEED + 1, i as u64).unit();
+            let mut end = 0.0;
+            let light = channels.iter().position(|channel| {
+                end += channel;
+                drawn < end
+            });
+            let k = light.unwrap_or(channels.len() - 1);
             if let Some(point) = point {
                 lights[k].points_mm.push(point.position);
-                lights[k].weights.push(point.weight * largest_errors[k] / range);
+                lights[k].opacities.push(point.weight);
             }
         }
         for (sample, source) in lights.iter_mut().zip(&shining) {
@@ -99,7 +103,7 @@ impl MeanErrorSample {
                 _ => 1.0,
             };
             let errors = found.iter().zip(&sample.exact).map(error);
-            values.extend(errors.zip(&sample.weights).map(|(error, weight)| error * weight));
+            values.extend(errors.zip(&sample.opacities).map(|(error, opacity)| error * opacity));
         }
         let MeanError { estimate, bound } = MeanError::of_values(&values, self.draws, RISK);
         Ok(MeanError { estimate: self.range * estimate, bound: self.range * bound })

@@ -174,7 +174,7 @@ impl Cell<'_> {
         for ((z, position_mm), t) in self.points.iter().zip(values) {
             let (transmittance, interval) = (f64::from(*t), interval(*z));
             let amount = distance([transmittance; 2], interval);
-            if report.is_suspect(amount) {
+            if !report.records_inside(amount) {
                 suspects.push((
                     *z,
                     PointViolation { position_mm: *position_mm, transmittance, interval, amount },

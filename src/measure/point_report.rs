@@ -39,13 +39,13 @@ impl PointReport {
         Self { points, ..Self::default() }
     }
 
-    /// Takes note of a point whose transmittance has this distance from its interval. Returns whether it lies outside.
-    pub(super) fn is_suspect(&mut self, amount: f64) -> bool {
-        let suspect = amount > EXACT_ROUNDING;
-        if !suspect {
+    /// Records the distance of a transmittance from its interval if it lies inside, and returns whether it does.
+    pub(super) fn records_inside(&mut self, amount: f64) -> bool {
+        let inside = amount <= EXACT_ROUNDING;
+        if inside {
             self.margin = larger(self.margin, Some(amount));
         }
-        suspect
+        inside
     }
 
     /// Counts a point outside its interval, whose `amount` allows for float32 rounding.

@@ -3,7 +3,7 @@
 
 use super::bound_check::BoundReport;
 use super::budget::Budget;
-use super::certified::{CertifiedScene, TABLE_ETA};
+use super::certified::{CertifiedScene, DEFAULT_ETA};
 use super::check::{Check, check};
 use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
@@ -252,6 +252,7 @@ impl<'a> Reference<'a> {
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadows, &mut row)?);
             notes.extend(self.point_checks().enclosures(method, &self.visible, &shadows, &mut row)?);
+            progress.check(&format!("{name}: certified picture"))?;
             self.measure_certified(&maps, &transfer, &mut row)?;
             let mut checked = None;
             for (source, shadow) in job.scene.shining().iter().zip(&shadows) {
@@ -332,12 +333,13 @@ impl<'a> Reference<'a> {
         row: &mut Row,
     ) -> Result<()> {
         let ExactPicture { scene, pixels, .. } = &self.exact_picture;
-        if scene.mesh.is_some() || !shadows.iter().all(|map| map.enclosure.is_some()) {
+        let enclosed = !shadows.is_empty() && shadows.iter().all(|map| map.enclosure.is_some());
+        if scene.mesh.is_some() || !enclosed {
             return Ok(());
         }
         let Session { renderer, loaded, .. } = self.job.session;
         let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: self.field };
-        row.set_certified(&certified.render(scene, TABLE_ETA, &|| Ok(()))?, pixels);
+        row.set_certified(&certified.render(scene, DEFAULT_ETA, &|| Ok(()))?, pixels);
         Ok(())
     }
 

@@ -79,12 +79,20 @@ fn bounds_are_those_of_methods_that_have_them() {
     let Some(mut bench) = Bench::open(&shown) else { return };
     bench.app().difference.shows = Some(Quantity::Bound);
     bench.wait_for("the coarsest bounds", |app| app.difference.found.is_some());
-    let side = &bench.app().difference.found.as_ref().unwrap().sides[0];
+    let width = bench.app().model.document.as_ref().unwrap().scene.width;
+    let found = bench.app().difference.found.as_ref().unwrap();
+    let coarse = found.request.view.scene.width;
+    assert!(coarse < width / 8, "{coarse} of {width}: the first result is a coarse one");
+    let side = &found.sides[0];
     assert!(side.spec.contains("enclose=on"), "{}", side.spec);
     let stats = side.map.stats.unwrap();
     // Rounding alone is 5e-4; far from everything the bound is not shown.
     assert!(stats.mean > 5e-4 && stats.max_abs < 0.2 && stats.count > 20, "{stats:?}");
     assert!(side.map.errors[[0, 0]].is_nan());
+
+    bench.wait_for("finer bounds", |app| {
+        app.difference.found.as_ref().is_some_and(|found| found.request.view.scene.width > coarse)
+    });
 
     // A method without bounds is refused in words, and the picture is shown again.
     bench.app().model.document.as_mut().unwrap().method = "osm:map=32".parse().unwrap();

@@ -74,3 +74,19 @@ fn methods_without_nodes_report_none() {
         assert_eq!(nodes_of(&setup, &setup.shadow(method, light)), None, "{method}");
     }
 }
+
+/// In an even medium, optical depth is a line and transmittance is not.
+#[test]
+fn even_media_need_fewer_nodes_of_optical_depth() {
+    let Some(setup) = Setup::open(&phantom("slab:24"), &extinction(&[(0.0, 0.0), (500.0, 0.05)])) else {
+        return;
+    };
+    for (name, light) in lights(setup.volume()) {
+        let count = |segments: &str| {
+            let map = setup.shadow(&format!("dsm:epsilon=0.005,map=32,segments={segments}"), light);
+            map.report.nodes_total.unwrap()
+        };
+        let (depth, transmittance) = (count("optical_depth"), count("transmittance"));
+        assert!(depth > 0 && 2 * depth < transmittance, "{name}: {depth} of {transmittance}");
+    }
+}

@@ -257,16 +257,17 @@ impl Lit<'_> {
             (shadow, picture, cost, _) = draw()?;
             cost = cost.smaller_times(first);
         }
-        let mut found = self.query_rays(method, &shadow)?;
-        self.query_points(method, &shadow, &mut found)?;
+        let texels = self.texels(&shadow.light_space);
+        let mut found = self.query_rays(method, &shadow, &texels)?;
+        self.query_points(method, &shadow, &texels, &mut found)?;
         found.check_picture(&picture.pixels);
         Ok((found, cost))
     }
 
     /// Tests the transmittance of a shadow method along light rays in a stability case.
-    fn query_rays(&self, method: &dyn Method, shadow: &ShadowMap) -> Result<Findings> {
+    fn query_rays(&self, method: &dyn Method, shadow: &ShadowMap, texels: &[[u32; 2]]) -> Result<Findings> {
         let test = RayTest {
-            texels: &self.texels(&shadow.light_space),
+            texels,
             taps: method.taps(),
             depths: DEPTHS,
             default_depth_mm: DEFAULT_DEPTH * self.case.volume.min_spacing_mm(),
@@ -290,10 +291,15 @@ impl Lit<'_> {
     }
 
     /// Tests the error bound and the enclosure of a shadow method, if it has them, at points between light rays.
-    fn query_points(&self, method: &dyn Method, shadow: &ShadowMap, found: &mut Findings) -> Result<()> {
+    fn query_points(
+        &self,
+        method: &dyn Method,
+        shadow: &ShadowMap,
+        texels: &[[u32; 2]],
+        found: &mut Findings,
+    ) -> Result<()> {
         if shadow.bound.is_some() {
-            let mut texels = self.texels(&shadow.light_space);
-            texels.truncate(CELLS);
+            let texels: Vec<[u32; 2]> = texels.iter().copied().step_by(RAYS / CELLS).collect();
             let cells = PointTest { cells: &texels, points_a_cell: POINTS_A_CELL, taps: method.taps() };
             found.points = cells.run(self.field, self.light, self.session, shadow)?;
             let prisms = EnclosureTest { texels: &texels, points_a_texel: POINTS_A_CELL };

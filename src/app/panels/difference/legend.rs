@@ -95,7 +95,11 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     let end = pos2(left + bar.x + 6.0, y);
     painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
     if let Some((at, error)) = under_pointer(found, model, ui, rect) {
-        let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
+        let text = match quantity {
+            _ if !error.is_finite() => "no number".to_owned(),
+            Quantity::Bound => format!("± {error:.4}"),
+            _ => format!("{error:+.4}"),
+        };
         // Places the text on the side with more space.
         let (dx, right) = if at.x > rect.right() - 90.0 { (-12.0, 1) } else { (14.0, 0) };
         let (dy, low) = if at.y > rect.bottom() - 40.0 { (-10.0, 1) } else { (12.0, 0) };

@@ -79,6 +79,10 @@ impl Difference {
             }
         }
         while let Some(computing) = &self.computing {
+            // Bounds are computed for each resolution in turn, since only the render thread has work with them.
+            if quantity == Quantity::Bound && self.view.is_some() && !self.is_compared() {
+                break;
+            }
             match computing.poll() {
                 Ok(view) => self.view = Some(Arc::new(view)),
                 Err(TryRecvError::Empty) => break,
@@ -155,8 +159,8 @@ impl Difference {
                 (
                     Some(Quantity::Bound),
                     "bound",
-                    "Estimated bound on the error of the picture that render --certify 0.03 draws. Only dsm has it, \
-                     with enclose=on, which takes many times as long to build",
+                    "Estimated bound on the error of the picture that render --certify 0.03 draws. Both \
+                     methods have to be dsm, with enclose=on, which takes many times as long to build",
                 ),
             ];
             for (value, name, tooltip) in choices {
