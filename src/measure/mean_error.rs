@@ -60,7 +60,7 @@ impl MeanErrorSample {
         let mut lights: Vec<LightSample> = shining.iter().map(|_| LightSample::default()).collect();
         let channel = |source: &LightSource| source.radiance().into_iter().fold(0.0, f64::max);
         let channels: Vec<f64> = shining.iter().map(channel).collect();
-        let sum: f64 = channels.iter().sum();
+        let sum = sum_of(&channels);
         let range = (1.0 - scene.ambient) * sum;
         // Nothing errs where light does not depend on shadows.
         let points = if range > 0.0 { field.random_visible_points(scene, draws, SEED) } else { Vec::new() };
@@ -115,13 +115,18 @@ impl MeanError {
     /// are 0. The bound is wrong with probability `risk`.
     fn of_values(values: &[f64], draws: usize, risk: f64) -> Self {
         let n = draws.max(2) as f64;
-        let estimate = values.iter().sum::<f64>() / n;
+        let estimate = sum_of(values) / n;
         let squares = values.iter().map(|v| (v - estimate).powi(2)).sum::<f64>();
         let variance = (squares + (n - values.len() as f64) * estimate * estimate) / (n - 1.0);
         let log = (2.0 / risk).ln();
         let bound = estimate + (2.0 * variance * log / n).sqrt() + 7.0 * log / (3.0 * (n - 1.0));
         Self { estimate, bound: bound.min(1.0) }
     }
+}
+
+/// Returns a sum that is 0 for no values; that of the standard library is -0.
+fn sum_of(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |sum, value| sum + value)
 }
 
 #[cfg(test)]
