@@ -4,6 +4,7 @@
 // domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
 #define_import_path umbravox::field
 
+#import umbravox::tuning::filter_point
 #import umbravox::work::{count_work, SAMPLES, LOADS}
 
 const BRICK_CELLS: i32 = #{BRICK_CELLS};
@@ -165,16 +166,22 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: 
     return Cell(select(select(retained, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
 }
 
-// Returns the interpolated volume value at a grid-space point inside the domain.
-fn value_at(g: vec3<f32>) -> f32 {
-    count_work(SAMPLES, 1u);
-#ifdef MANUAL_TRILINEAR
+// Returns the volume value at a grid-space point inside the domain, interpolated with float32 weights.
+fn interpolated_value(g: vec3<f32>) -> f32 {
     let base = floor(g);
     let w = g - base;
     let c = cell_values(vec3<i32>(base));
     let xy = mix(c.lo, c.hi, w.z);
     let y = mix(xy.xz, xy.yw, w.x);
     return mix(y.x, y.y, w.y);
+}
+
+// Returns the volume value at a grid-space point inside the domain, interpolated with the weights of the texture filter.
+fn value_at(exact: vec3<f32>) -> f32 {
+    count_work(SAMPLES, 1u);
+    let g = filter_point(exact);
+#ifdef MANUAL_TRILINEAR
+    return interpolated_value(g);
 #else
     count_work(LOADS, 1u);
 #ifdef FOLDED
@@ -184,6 +191,16 @@ fn value_at(g: vec3<f32>) -> f32 {
 #else
     return textureSampleLevel(volume, linear_clamp, (g - 0.5) * field.inv_size, 0.0).x;
 #endif
+#endif
+}
+
+// Returns the volume value at a grid-space point inside the domain, interpolated with float32 weights on every adapter.
+fn exact_value_at(g: vec3<f32>) -> f32 {
+#ifdef COARSE_FILTER
+    count_work(SAMPLES, 1u);
+    return interpolated_value(g);
+#else
+    return value_at(g);
 #endif
 }
 

@@ -24,7 +24,7 @@
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, ordinates_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::labels::{label_shift, shifted_cubic, label_borders, next_label_border, UNKNOWN_SHIFT, CUTS_BY_LABEL}
-#import umbravox::tuning::STEPS_TOGETHER
+#import umbravox::tuning::LIGHT_STEPS_TOGETHER
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_step, count_work, CELLS, LOADS, PIECES}
@@ -377,7 +377,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         loop {
             steps += 1u;
             if state.u >= 1.0 && state.marching { step_cell(&state, ray); }
-            if state.u < 1.0 || !state.marching || steps >= STEPS_TOGETHER { break; }
+            if state.u < 1.0 || !state.marching || steps >= LIGHT_STEPS_TOGETHER { break; }
         }
         if state.u >= 1.0 {
             if !state.marching {

@@ -10,7 +10,7 @@
 
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::labels::{CUTS_BY_LABEL, label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
-#import umbravox::tuning::STEPS_TOGETHER
+#import umbravox::tuning::EYE_STEPS_TOGETHER
 #import umbravox::work::count_step
 
 struct Ray {
@@ -205,7 +205,7 @@ fn step(march: ptr<function, RayMarch>, ray: Ray) {
     (*march).marching = !moves_on || goes_on;
 }
 
-// Advances the march until it hits a segment with extinction, the ray ends, or STEPS_TOGETHER steps are taken.
+// Advances the march until it hits a segment with extinction, the ray ends, or EYE_STEPS_TOGETHER steps are taken.
 fn advance(march: ptr<function, RayMarch>, ray: Ray) {
     var steps = 0u;
     loop {
@@ -214,6 +214,6 @@ fn advance(march: ptr<function, RayMarch>, ray: Ray) {
             step(march, ray);
             count_iteration(march);
         }
-        if (*march).hit || is_searching(*march) || !(*march).marching || steps >= STEPS_TOGETHER { break; }
+        if (*march).hit || is_searching(*march) || !(*march).marching || steps >= EYE_STEPS_TOGETHER { break; }
     }
 }

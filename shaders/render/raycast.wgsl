@@ -24,7 +24,7 @@
 #import umbravox::transfer::{color_integral_at, mean_color}
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, add_divergence, add_work, LOOKUPS}
-#import umbravox::tuning::STEPS_TOGETHER
+#import umbravox::tuning::EYE_STEPS_TOGETHER
 #ifdef SHADOWS
 #import umbravox::mean_light::mean_light
 #ifdef MESH
@@ -78,7 +78,7 @@ const THICKEST_PART: f32 = 1.0;
 const UNSEEN_PART: f32 = 4.0;
 const MAX_PARTS: f32 = 16.0;
 // Number of iterations after which lanes with a complete light interval do not wait for the others.
-const INTERVAL_STEPS: u32 = STEPS_TOGETHER;
+const INTERVAL_STEPS: u32 = EYE_STEPS_TOGETHER;
 // Fraction of all visible light along the eye ray at which a light interval is complete.
 const COMPLETE_INTERVAL: f32 = 0.15;
 // Largest number of iterations for a sample: one step, one test of thickness, four for each part, and a reserve.

@@ -31,7 +31,7 @@ struct Writer {
 // The writer of this thread: naga passes no pointers to parts of variables.
 var<private> writer: Writer;
 
-fn start_writer(row: u32, thread: u32) {
+fn start_writer(row: u32) {
     start_nodes(row);
     writer = Writer(0.0, segment_value(1.0), -STEEPEST, STEEPEST, 0.0, 1.0, segment_value(1.0));
 }

@@ -101,7 +101,7 @@ impl Gpu {
     /// The environment variable `UMBRAVOX_TUNING` has an unknown value ([`Tuning`]).
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
         let info = adapter.get_info();
-        let tuning = Tuning::of(&info, &device.limits())?;
+        let tuning = Tuning::of(&info)?;
         let features = device.features();
         let sharing = Sharing::default();
         let sink = sharing.clone();

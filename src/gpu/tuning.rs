@@ -1,7 +1,7 @@
 //! Choices that make shaders fast on one type of graphics adapter, in one place, and limits on shader loops that
 //! software adapters require. `shaders/field/tuning.wgsl` is the counterpart in the shaders.
 //!
-//! Pictures and shadow maps do not depend on these choices. `UMBRAVOX_TUNING` replaces some of them, to measure each
+//! Pictures and shadow maps depend on none of these choices but the last two. `UMBRAVOX_TUNING` replaces some of them, to measure each
 //! on its own.
 
 use crate::error::{Error, Result};
@@ -17,8 +17,6 @@ pub const MAX_LATTICE_STEPS: u32 = 4096;
 /// step is marched cell by cell. This takes about 12 further loop iterations per step.
 pub const MAX_LATTICE_MARCHES: u32 = 3000;
 
-/// Workgroup memory, in bytes, that an adapter must have for the arrays and counters of a workgroup.
-const ARRAYS_BYTES: u32 = 20 << 10;
 /// Name of the environment variable that replaces choices of [`Tuning`].
 const VARIABLE: &str = "UMBRAVOX_TUNING";
 /// Side of a square block of tiles whose tiles follow a Z-order curve ([`WorkOrder::Blocks`]).
@@ -38,11 +36,13 @@ pub enum WorkOrder {
 /// Choices that make shaders fast on one type of graphics adapter. They do not change results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Tuning {
-    /// Number of steps of a ray march after which lanes of a subgroup that have hit extinction no longer wait for the
-    /// other lanes. On llvmpipe, 4 is the best of 2, 4 and no limit. Wide subgroups lose more by waiting: in a
-    /// lock-step model of 32 lanes, the lanes of a deep shadow map build are busy for 42 % of all steps with 4, for
-    /// 59 % with 2, and for 73 % with 1.
-    pub steps_together: u32,
+    /// Number of steps of an eye ray after which lanes of a subgroup that have hit extinction no longer wait for the
+    /// other lanes. Waiting lanes query the shadow map together. On llvmpipe, 4 is the best of 2, 4 and no limit; on an
+    /// H100, frames take 0.5 to 0.6 times as many clock cycles with 4 as with 1.
+    pub eye_steps_together: u32,
+    /// The same for light rays that are marched cell by cell. On an H100, builds take 2 to 8 % more clock cycles with 4
+    /// than with 1.
+    pub light_steps_together: u32,
     /// Whether the march of light rays loads the values of a cell before it knows whether the cell's brick is empty. A
     /// subgroup then waits for one texture read in each step instead of two; software adapters do not overlap reads.
     pub early_loads: bool,
@@ -66,21 +66,25 @@ pub struct Tuning {
     /// Whether a workgroup adds up its counters in workgroup memory, so that one thread adds them to those of the pass.
     /// llvmpipe runs workgroups with barriers more slowly.
     pub workgroup_sums: bool,
-    /// Whether the arrays of each thread lie in workgroup memory, for workgroups of side 8: otherwise they take
-    /// registers. The largest arrays of a workgroup have 16 KiB.
-    pub workgroup_arrays: bool,
     /// Whether wgpu adds a limit of 2^64 iterations to each shader loop. All loops have limits of their own
     /// ([`DeviceCounters`](super::DeviceCounters)).
     pub bounded_loops: bool,
     /// Whether texture sides avoid powers of two: llvmpipe recompiles a shader, for half a second, when a side becomes
     /// a power of two or ceases to be one. Sides of shadow maps change while the camera moves.
     pub odd_textures: bool,
+    /// Whether the texture filter has weights of 8 bits, as graphics cards do. Shaders then interpolate in float32 where
+    /// an eye ray meets an opaque surface.
+    pub coarse_filter: bool,
+    /// Whether samples and quotients have the errors of graphics cards, for tests on software adapters: filter weights
+    /// of 8 bits, and divisions that are not rounded correctly.
+    pub card_arithmetic: bool,
 }
 
 impl Tuning {
     /// Choices for software adapters, which run on the processor (llvmpipe, SwiftShader).
     pub const SOFTWARE: Self = Self {
-        steps_together: 4,
+        eye_steps_together: 4,
+        light_steps_together: 4,
         early_loads: false,
         workgroup_side: 16,
         order: WorkOrder::Spread,
@@ -89,13 +93,15 @@ impl Tuning {
         storage_tables: false,
         storage_uniforms: false,
         workgroup_sums: false,
-        workgroup_arrays: false,
         bounded_loops: true,
         odd_textures: true,
+        coarse_filter: false,
+        card_arithmetic: false,
     };
     /// Choices for graphics cards.
     pub const CARD: Self = Self {
-        steps_together: 1,
+        eye_steps_together: 4,
+        light_steps_together: 1,
         early_loads: true,
         workgroup_side: 8,
         order: WorkOrder::Blocks,
@@ -104,18 +110,18 @@ impl Tuning {
         storage_tables: true,
         storage_uniforms: false,
         workgroup_sums: true,
-        workgroup_arrays: true,
         bounded_loops: false,
         odd_textures: false,
+        coarse_filter: true,
+        card_arithmetic: false,
     };
 
     /// Returns the choices for a graphics adapter. The environment variable `UMBRAVOX_TUNING` replaces some of them.
     ///
     /// # Errors
     /// The variable has an unknown name or value.
-    pub(super) fn of(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> Result<Self> {
-        let mut own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
-        own.workgroup_arrays &= limits.max_compute_workgroup_storage_size >= ARRAYS_BYTES;
+    pub(super) fn of(info: &wgpu::AdapterInfo) -> Result<Self> {
+        let own = if info.device_type == wgpu::DeviceType::Cpu { Self::SOFTWARE } else { Self::CARD };
         own.with_environment()
     }
 
@@ -137,10 +143,14 @@ impl Tuning {
             match item {
                 "software" => self = Self::SOFTWARE,
                 "card" => self = Self::CARD,
-                "steps=1" => self.steps_together = 1,
-                "steps=2" => self.steps_together = 2,
-                "steps=4" => self.steps_together = 4,
-                "steps=8" => self.steps_together = 8,
+                "eye_steps=1" => self.eye_steps_together = 1,
+                "eye_steps=2" => self.eye_steps_together = 2,
+                "eye_steps=4" => self.eye_steps_together = 4,
+                "eye_steps=8" => self.eye_steps_together = 8,
+                "light_steps=1" => self.light_steps_together = 1,
+                "light_steps=2" => self.light_steps_together = 2,
+                "light_steps=4" => self.light_steps_together = 4,
+                "light_steps=8" => self.light_steps_together = 8,
                 "loads=late" => self.early_loads = false,
                 "loads=early" => self.early_loads = true,
                 "workgroup=8" => self.workgroup_side = 8,
@@ -155,16 +165,18 @@ impl Tuning {
                 "tables=storage" => self.storage_tables = true,
                 "sums=pass" => self.workgroup_sums = false,
                 "sums=workgroup" => self.workgroup_sums = true,
-                "arrays=private" => self.workgroup_arrays = false,
-                "arrays=workgroup" => self.workgroup_arrays = true,
                 "loops=bounded" => self.bounded_loops = true,
                 "loops=own" => self.bounded_loops = false,
+                "filter=fine" => self.coarse_filter = false,
+                "filter=coarse" => self.coarse_filter = true,
+                "arithmetic=own" => self.card_arithmetic = false,
+                "arithmetic=card" => self.card_arithmetic = true,
                 _ => {
                     let why = format!("`{item}` is not a choice");
                     return Err(Error::input("cannot tune shaders", VARIABLE, why).hint(
-                        "card, software, steps=1|2|4|8, loads=late|early, workgroup=8|16, order=spread|blocks, tiles=host|device, \
+                        "card, software, eye_steps=1|2|4|8, light_steps=1|2|4|8, loads=late|early, workgroup=8|16, order=spread|blocks, tiles=host|device, \
                          builds=alone|joint, tables=uniform|storage, sums=pass|workgroup, \
-                         arrays=private|workgroup, loops=bounded|own",
+                         loops=bounded|own, filter=fine|coarse, arithmetic=own|card",
                     ));
                 }
             }
@@ -178,14 +190,19 @@ impl Tuning {
             (self.order == WorkOrder::Spread, "SPREAD_WORKGROUPS"),
             (self.early_loads, "EARLY_LOADS"),
             (self.workgroup_sums, "WORKGROUP_SUMS"),
-            (self.workgroup_arrays && self.workgroup_side == 8, "WORKGROUP_ARRAYS"),
+            (self.coarse_filter, "COARSE_FILTER"),
+            (self.card_arithmetic, "CARD_ARITHMETIC"),
         ];
         defs.into_iter().filter_map(|(on, name)| on.then_some(name))
     }
 
     /// Returns the constants of these choices, to which WGSL code refers as `#{NAME}`.
-    pub(super) fn constants(&self) -> [(&'static str, u32); 2] {
-        [("STEPS_TOGETHER", self.steps_together), ("WORKGROUP_SIDE", self.workgroup_side)]
+    pub(super) fn constants(&self) -> [(&'static str, u32); 3] {
+        [
+            ("EYE_STEPS_TOGETHER", self.eye_steps_together),
+            ("LIGHT_STEPS_TOGETHER", self.light_steps_together),
+            ("WORKGROUP_SIDE", self.workgroup_side),
+        ]
     }
 }
 
@@ -221,10 +238,10 @@ mod tests {
 
     #[test]
     fn texts_replace_choices_from_left_to_right() {
-        let changed = Tuning::CARD.with("software, steps=2,tables=storage").unwrap();
-        assert_eq!(changed, Tuning { steps_together: 2, storage_tables: true, ..Tuning::SOFTWARE });
+        let changed = Tuning::CARD.with("software, light_steps=2,tables=storage").unwrap();
+        assert_eq!(changed, Tuning { light_steps_together: 2, storage_tables: true, ..Tuning::SOFTWARE });
         assert_eq!(Tuning::SOFTWARE.with("").unwrap(), Tuning::SOFTWARE);
-        for bad in ["steps=3", "fast", "order", "tables=uniform;card"] {
+        for bad in ["eye_steps=3", "fast", "order", "tables=uniform;card"] {
             let error = Tuning::CARD.with(bad).unwrap_err();
             assert!(error.exit_status() == 2 && error.to_string().contains("UMBRAVOX_TUNING"), "{error}");
         }

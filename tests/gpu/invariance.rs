@@ -8,7 +8,7 @@ fn without_skipping(scene: &Scene) -> Scene {
 }
 
 /// Cameras in front of, inside, and close to the surface of a volume.
-fn cameras(volume: &Volume) -> [Camera; 3] {
+pub(super) fn cameras(volume: &Volume) -> [Camera; 3] {
     let outside = Scene::framing(volume).camera;
     let center = outside.target;
     let inside = Camera { eye: center + 0.11 * (outside.eye - center), fov_deg: 70.0, ..outside };

@@ -2,16 +2,25 @@
 
 use super::*;
 use umbravox::gpu::Tuning;
+use umbravox::open::presets;
 use umbravox::scene::{Camera, LightSource, Shading};
 
-/// Renderers with the shaders of software adapters and of graphics cards.
+/// Renderers with the shaders of software adapters and of graphics cards, for one texture filter.
 fn both() -> Option<[Arc<Renderer>; 2]> {
-    let with = |tuning: Tuning| {
-        let mut gpu = common::gpu()?;
-        gpu.tuning = tuning;
-        Some(Arc::new(Renderer::new(gpu)))
-    };
-    Some([with(Tuning::SOFTWARE)?, with(Tuning::CARD)?])
+    Some([tuned(Tuning::SOFTWARE)?, tuned(Tuning { coarse_filter: false, ..Tuning::CARD })?])
+}
+
+/// Renderer with the shaders of a tuning.
+fn tuned(tuning: Tuning) -> Option<Arc<Renderer>> {
+    let mut gpu = common::gpu()?;
+    gpu.tuning = tuning;
+    Some(Arc::new(Renderer::new(gpu)))
+}
+
+/// Renderer of a software adapter with the arithmetic and the shaders of graphics cards; `None` on cards, whose own
+/// arithmetic the other tests meet.
+fn with_card_arithmetic() -> Option<Arc<Renderer>> {
+    renderer()?.gpu().is_software().then(|| tuned(Tuning { card_arithmetic: true, ..Tuning::CARD }))?
 }
 
 /// Methods, each with the largest difference of pictures. An atlas that is filtered stores its tiles in another order,
@@ -115,6 +124,47 @@ fn divergence_is_a_share_with_several_lights_and_with_resumed_rays() {
                 (0.0..1.0).contains(&divergence.unwrap()) && longest > 5,
                 "{method:?}: {divergence:?}, {longest}"
             );
+        }
+    }
+}
+
+/// Opaque surfaces are lit where eye rays meet them, although the texture filter of a card has weights of 8 bits. On an
+/// H100 they lay in their own shadow (33 dB) before the search interpolated in float32.
+#[test]
+fn opaque_surfaces_are_met_with_the_filter_of_a_card() {
+    let Some(renderer) = with_card_arithmetic() else { return };
+    for volume in ["thorax:64", "sphere"].map(|name| Some(phantom(name))).into_iter().chain([scan("engine")])
+    {
+        let Some(volume) = volume else { continue };
+        let tf = presets::resolve("isosurface", &volume).unwrap().tf;
+        let session = Session::on(&renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+        let scene = Scene { width: 100, height: 75, ..Scene::framing(&volume) };
+        let map = session.shadow(shadow::parse("rays").unwrap().as_ref(), scene.light()).unwrap();
+        let picture = session.render(&map, &scene).unwrap().pixels;
+        let rms = rms_difference(&picture, &ExactField::new(&volume, &tf).picture(&scene));
+        println!("{:?} voxels: {:.1} dB", volume.dims(), -20.0 * rms.log10());
+        assert!(-20.0 * rms.log10() >= 45.0, "{rms}");
+    }
+}
+
+/// Every march ends where quotients are not rounded correctly. On an H100 some eye rays met the same surface until they
+/// reached their iteration limit.
+#[test]
+fn marches_end_with_the_arithmetic_of_a_card() {
+    let Some(renderer) = with_card_arithmetic() else { return };
+    for (name, range) in [("CT_AVM", [0.0, 900.0]), ("CT_pitch", [-500.0, 1100.0]), ("engine", [60.0, 250.0])]
+    {
+        let Some(volume) = scan(name) else { continue };
+        for tf in transfer_functions(range) {
+            let session =
+                Session::on(&renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
+            let map = session
+                .shadow(shadow::parse("dsm:map=128").unwrap().as_ref(), Scene::framing(&volume).light());
+            let map = map.unwrap();
+            for camera in invariance::cameras(&volume) {
+                let scene = Scene { camera, width: 45, height: 29, ..Scene::framing(&volume) };
+                session.render(&map, &scene).unwrap();
+            }
         }
     }
 }

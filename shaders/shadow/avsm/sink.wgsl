@@ -13,7 +13,7 @@ struct Sink {
 }
 
 fn start_sink(march: u32) -> Sink {
-    compression::start_writer(0u, 0u);
+    compression::start_writer(0u);
     return Sink(0.0, params.longest_depth);
 }
 

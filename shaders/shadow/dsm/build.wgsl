@@ -113,10 +113,10 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
 }
 #endif
 
-fn build_texel(here: vec2<u32>, record: u32, thread: u32) {
+fn build_texel(here: vec2<u32>, record: u32) {
     let texel = vec2<f32>(here);
     let z_end = light.depth_start_mm + DEPTH_STEPS / params.depth_steps_per_mm;
-    start_writer(record, thread);
+    start_writer(record);
 #ifdef WHOLE_CURVE
     var sink = start_sink();
 #ifdef PRISM
@@ -142,7 +142,7 @@ fn build(
 ) {
     let here = tile_texel(group, groups, local);
     let record = record_of(here.texel);
-    if here.inside { build_texel(here.texel, record, thread); }
+    if here.inside { build_texel(here.texel, record); }
 #ifdef WORKGROUP_SUMS
     add_counts(record, thread);
 #endif

@@ -65,22 +65,11 @@ struct Tunnel {
 }
 
 // The two chains of corners (floor, ceiling), each a ring buffer.
-#ifdef WORKGROUP_ARRAYS
-// Corner by corner for all threads of the workgroup, so that neighbouring threads use different memory banks.
-const CORNER_STRIDE: u32 = #{WORKGROUP_SIDE} * #{WORKGROUP_SIDE};
-var<workgroup> corners: array<vec2<f32>, 2 * #{HULL_CORNERS} * CORNER_STRIDE>;
-#else
-const CORNER_STRIDE: u32 = 1u;
 var<private> corners: array<vec2<f32>, 2 * #{HULL_CORNERS}>;
-#endif
-var<private> own_corners: u32;
 var<private> tunnel: Tunnel;
 
-fn start_writer(row: u32, thread: u32) {
+fn start_writer(row: u32) {
     start_nodes(row);
-#ifdef WORKGROUP_ARRAYS
-    own_corners = thread;
-#endif
     tunnel.started = false;
     tunnel.pending = false;
     tunnel.narrowed = false;
@@ -89,11 +78,11 @@ fn start_writer(row: u32, thread: u32) {
 }
 
 fn corner(side: u32, i: u32) -> vec2<f32> {
-    return corners[(side * CORNERS + (i & (CORNERS - 1u))) * CORNER_STRIDE + own_corners];
+    return corners[side * CORNERS + (i & (CORNERS - 1u))];
 }
 
 fn set_corner(side: u32, i: u32, point: vec2<f32>) {
-    corners[(side * CORNERS + (i & (CORNERS - 1u))) * CORNER_STRIDE + own_corners] = point;
+    corners[side * CORNERS + (i & (CORNERS - 1u))] = point;
 }
 
 // Returns the extreme line of a side at a depth, upside down for the ceiling.
