@@ -5,6 +5,7 @@ mod buffers;
 mod clock_rate;
 mod counters;
 mod device;
+mod filler;
 mod kernels;
 #[cfg(test)]
 mod layout_tests;
@@ -20,6 +21,7 @@ pub use buffers::{StorageBuffer, read_back, uniform_buffer};
 pub use clock_rate::ClockRate;
 pub use counters::{DeviceCounters, MAX_BLOCKS, WORK_KINDS, WORK_WORDS, Work};
 pub use device::{DeviceLoss, Gpu, Traffic, texture_side};
+pub use filler::Filler;
 pub use kernels::{DevicePass, Kernels};
 #[cfg(test)]
 pub(crate) use layout_tests::{assert_layout, wgsl_layout};

@@ -120,7 +120,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
         .iter()
         .map(|variant| Turns { run: Box::new(|| Ok(run(job, method, *variant)?.times)), warmup: 0, rounds })
         .collect();
-    let timings = interleave(&mut turns, &|| job.gpu_mhz(), &mut |_| Ok(()))?;
+    let timings = interleave(&mut turns, &|| job.keep_busy(), &mut |_| Ok(()))?;
     let mut timings = timings.into_iter().map(|t| Timing::of(&t?));
     let none = || Err(Error::runtime("cannot time", name_of(method), "no run was counted"));
     let own = timings.next().unwrap_or_else(none)?;

@@ -3,6 +3,7 @@
 
 use super::timing::StageTimes;
 use crate::error::Result;
+use crate::gpu::{ClockRate, Filler};
 use crate::render::Session;
 use crate::scene::Scene;
 use crate::shadow::{BuildReport, Method};
@@ -11,7 +12,7 @@ use crate::transfer::TransferFunction;
 use crate::volume::{DirectionMoments, Volume};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Frame time above which a shadow method is timed only once, ms. One slow method thus does not delay the whole
@@ -97,6 +98,8 @@ pub struct Job<'a> {
     pub remark: String,
     /// Extent of the measurement: numbers of timed repeats, visible points, light rays and depths.
     pub effort: Effort,
+    /// Pass that keeps a graphics card busy between timed runs, compiled at first use.
+    pub(crate) filler: OnceLock<Filler>,
 }
 
 impl<'a> Job<'a> {
@@ -110,7 +113,18 @@ impl<'a> Job<'a> {
     ) -> Self {
         let [file_prefix, remark] = [const { String::new() }; 2];
         let scene_name = scene_name.into();
-        Self { session, volume, tf, strands: None, scene, scene_name, file_prefix, remark, effort }
+        Self {
+            session,
+            volume,
+            tf,
+            strands: None,
+            scene,
+            scene_name,
+            file_prefix,
+            remark,
+            effort,
+            filler: OnceLock::new(),
+        }
     }
 
     /// Returns the directions of the strands (hair or fibres), if the shading of the scene uses them.
@@ -143,9 +157,18 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Reads the clock rate of the graphics card, MHz; `None` where the system reports none.
-    pub fn gpu_mhz(&self) -> Option<f64> {
-        self.session.renderer.gpu().clock_rate.as_ref()?.read_mhz()
+    /// Keeps a graphics card busy for a moment, and returns its clock rate meanwhile, MHz: `None` where the system reports
+    /// none. Returns at once on adapters without timestamps.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn keep_busy(&self) -> Result<Option<f64>> {
+        let gpu = self.session.renderer.gpu();
+        if gpu.timestamp_period_ns.is_none() {
+            return Ok(None);
+        }
+        let read = || gpu.clock_rate.as_ref().and_then(ClockRate::read_mhz);
+        self.filler.get_or_init(|| Filler::new(gpu)).keep_busy(gpu, read)
     }
 }
 

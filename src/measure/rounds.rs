@@ -91,7 +91,7 @@ pub fn time(
         turns.push(Turns { run: Box::new(run), warmup: *warmup, rounds: *rounds });
     }
     let keys: Vec<_> = missing.iter().map(|(i, _, _)| rows[*i].key.clone()).collect();
-    let read = interleave(&mut turns, &|| job.gpu_mhz(), &mut |event| match event {
+    let read = interleave(&mut turns, &|| job.keep_busy(), &mut |event| match event {
         Event::Starts { turns, counts } => {
             let name = name_of(methods[turns]);
             let what = if counts { "timing" } else { "warming up" };

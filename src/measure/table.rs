@@ -52,8 +52,8 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Clock of `build_ms` and `frame_ms`: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
-    /// Clock rate of the graphics card after the timed runs, median, as the system reports it. Empty for software
-    /// adapters, and where the system reports none.
+    /// Clock rate of the graphics card before the timed runs, while it is kept busy, median, as the system reports it.
+    /// Empty for software adapters, and where the system reports none.
     gpu_mhz ["MHz"]: Option<f64>,
     /// Time of the first build of the shadow map, by the host's clock, with the compilation of new shaders.
     build_first_ms ["ms"]: Option<f64>,

@@ -41,7 +41,7 @@ pub struct StageTimes {
     /// Part of `frame` that the host takes to project bricks to tiles of the picture, ms.
     #[serde(default)]
     pub frame_host_ms: f64,
-    /// Clock rate of the graphics card after the run, MHz; `None` where the system reports none.
+    /// Clock rate of the graphics card before the run, while it is kept busy, MHz; `None` where the system reports none.
     #[serde(default)]
     pub gpu_mhz: Option<f64>,
     /// Whether the device times of repeated runs did not agree before this run was recorded ([`interleave`]).
@@ -169,15 +169,19 @@ const AGREEMENT_MS: f64 = 0.01;
 /// Longest time for which a timed run is repeated.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// Repeats a run until the times on the device of two runs in a row agree, and returns the last run. Graphics cards
-/// lower their clocks while the host works: the first run after a pause takes up to four times as long. Adapters
-/// without timestamps run once.
+/// Repeats a run until the times on the device of two runs in a row agree, and returns the last run. `keep_busy` runs
+/// before each, since graphics cards lower their clocks while the host works. Adapters without timestamps run once.
 fn steady(
     run: &mut TimedRun<'_>,
+    keep_busy: &dyn Fn() -> Result<Option<f64>>,
     tell: &mut dyn FnMut(Event<'_>) -> Result<()>,
 ) -> Result<Result<StageTimes>> {
+    let mut run = || -> Result<StageTimes> {
+        let gpu_mhz = keep_busy()?;
+        Ok(StageTimes { gpu_mhz, ..sensible(run()?)? })
+    };
     let start = Instant::now();
-    let first = run().and_then(sensible);
+    let first = run();
     let Ok(mut last) = first else { return Ok(first) };
     let Some(mut before) = last.device_ms() else { return Ok(Ok(last)) };
     for _ in 0..MOST_REPEATS {
@@ -185,7 +189,7 @@ fn steady(
             break;
         }
         tell(Event::Repeats)?;
-        let next = run().and_then(sensible);
+        let next = run();
         let Ok(next) = next else { return Ok(next) };
         // Some drivers leave timestamps unwritten now and then.
         let Some(now) = next.device_ms() else { continue };
@@ -200,15 +204,15 @@ fn steady(
 
 /// Times several tasks, such as shadow methods, in turn, after a warm-up. Returns the times of all runs of each task,
 /// in order. A task that fails is excluded from later rounds, and the others continue. On a graphics card, a timed run
-/// is repeated until the times on the device of two runs in a row agree to 5 %. `gpu_mhz` reads the clock rate of the
-/// card.
+/// is repeated until the times on the device of two runs in a row agree to 5 %. `keep_busy` gives the card work before
+/// each run, so that its clocks stay high, and returns the clock rate.
 ///
 /// # Errors
 /// For the whole call: any error that `tell` returns. For one task: its own error, or a time that is negative or
 /// not finite.
 pub fn interleave(
     all: &mut [Turns],
-    gpu_mhz: &dyn Fn() -> Option<f64>,
+    keep_busy: &dyn Fn() -> Result<Option<f64>>,
     tell: &mut dyn FnMut(Event) -> Result<()>,
 ) -> Result<Vec<Result<Vec<StageTimes>>>> {
     let mut readings: Vec<Result<Vec<StageTimes>>> = all.iter().map(|_| Ok(Vec::new())).collect();
@@ -222,10 +226,10 @@ pub fn interleave(
                     continue;
                 }
                 tell(Event::Starts { turns, counts })?;
-                let run = if counts { steady(&mut t.run, tell)? } else { (t.run)().and_then(sensible) };
+                let run =
+                    if counts { steady(&mut t.run, keep_busy, tell)? } else { (t.run)().and_then(sensible) };
                 match run {
                     Ok(time) if counts => {
-                        let time = StageTimes { gpu_mhz: gpu_mhz(), ..time };
                         times.push(time);
                         counted.push((turns, time));
                     }
@@ -299,7 +303,7 @@ mod tests {
     }
 
     fn quietly(all: &mut [Turns]) -> Vec<Result<Vec<StageTimes>>> {
-        interleave(all, &|| None, &mut |_| Ok(())).unwrap()
+        interleave(all, &|| Ok(None), &mut |_| Ok(())).unwrap()
     }
 
     #[test]
@@ -390,7 +394,12 @@ mod tests {
         };
         let mut all: Vec<_> = vec![turns('A', 1, 2), turns('B', 1, 2), turns('C', 1, 2)];
         let mut rounds = Vec::new();
-        interleave(&mut all, &|| Some(1980.0), &mut |event| {
+        let fillings = Cell::new(0);
+        let keep_busy = || {
+            fillings.set(fillings.get() + 1);
+            Ok(Some(1980.0))
+        };
+        interleave(&mut all, &keep_busy, &mut |event| {
             if let Event::Round(read) = event {
                 rounds.push(read.iter().map(|(i, _)| *i).collect::<Vec<_>>());
             }
@@ -399,6 +408,7 @@ mod tests {
         .unwrap();
         assert_eq!(rounds, [[0, 1, 2], [0, 1, 2]], "after the warm-up");
         assert_eq!(order.take(), "ABCABCABC");
+        assert_eq!(fillings.get(), 6, "before each run that counts");
         // Actions with fewer runs take them in the first rounds.
         quietly(&mut [turns('A', 0, 1), turns('B', 1, 3), turns('C', 1, 2)]);
         assert_eq!(order.take(), "BCABCBCB");
@@ -432,6 +442,6 @@ mod tests {
         assert!(quietly(&mut []).is_empty());
         let mut all = [Turns { run: Box::new(|| Ok(stages(1.0, 1.0))), warmup: 0, rounds: 2 }];
         let full = || Error::runtime("cannot write", "journal", "disk full");
-        assert!(interleave(&mut all, &|| None, &mut |_| Err(full())).is_err());
+        assert!(interleave(&mut all, &|| Ok(None), &mut |_| Err(full())).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Shader variants of graphics cards: same shadow maps and pictures as those of software adapters, on every adapter.
 
 use super::*;
-use umbravox::gpu::Tuning;
+use umbravox::gpu::{Filler, Tuning};
 use umbravox::open::presets;
 use umbravox::scene::{Camera, LightSource, Shading};
 
@@ -78,6 +78,15 @@ fn cards_and_software_adapters_draw_the_same_pictures() {
             assert_eq!(software.1, card.1, "{method:?}");
             assert_eq!(software.0.plan, card.0.plan, "{method:?}: skipped work, {:?}", scene.camera);
         }
+    }
+}
+
+#[test]
+fn a_device_is_kept_busy_while_the_host_works() {
+    let Some(renderer) = renderer() else { return };
+    let filler = Filler::new(renderer.gpu());
+    for n in 0..3 {
+        assert_eq!(filler.keep_busy(renderer.gpu(), || n).unwrap(), n);
     }
 }
 

@@ -45,8 +45,8 @@ pub fn time_in_turn(
             turns.push(Turns { run, warmup: 1, rounds: effort.repeats });
         }
     }
-    let gpu_mhz = || jobs.first().and_then(|job| job.gpu_mhz());
-    let mut times = interleave(&mut turns, &gpu_mhz, &mut |_| progress.check("claims"))?.into_iter();
+    let keep_busy = || jobs.first().map_or(Ok(None), |job| job.keep_busy());
+    let mut times = interleave(&mut turns, &keep_busy, &mut |_| progress.check("claims"))?.into_iter();
     let mut all = Vec::new();
     for (_, changed, methods) in &stages {
         let mut own = Vec::new();
