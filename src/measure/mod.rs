@@ -7,7 +7,8 @@
 //! camera, weighted by visibility, errors show what a user notices ([`stats::ErrorStats`]).
 //!
 //! The **picture** is compared with the exact one in linear RGBA ([`stats::image_error`]) and by structural
-//! similarity ([`similarity::ssim`]). [`mod@error_map`] has errors pixel by pixel.
+//! similarity ([`similarity::ssim`]). What the shadows alone change is measured at full size against a picture by shadow
+//! rays, also by [`flip::flip`]. [`mod@error_map`] has errors pixel by pixel.
 //!
 //! **Times** are medians of repeats after a warm-up, with minimum and maximum. Methods are timed in turn
 //! ([`timing::interleave`]). `build_ms` is the time to build the shadow map, `frame_ms` the time to render one
@@ -37,6 +38,7 @@ pub mod error_map;
 pub mod errors;
 mod exact_rays;
 pub mod facts;
+pub mod flip;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
@@ -51,6 +53,7 @@ mod reference;
 pub mod rounding_envelope;
 mod rounds;
 mod row_measurements;
+mod shadow_error;
 pub mod similarity;
 pub mod stats;
 mod strand_errors;

@@ -13,6 +13,7 @@ use super::mean_error::{MEAN_ERROR_POINTS, MeanErrorSample};
 use super::point_checks::PointChecks;
 use super::point_report::PointReport;
 use super::progress::{Progress, Step, StepKind};
+use super::shadow_error::ShadowReferences;
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
 use super::strand_errors::StrandReference;
@@ -64,6 +65,7 @@ pub(super) struct Reference<'a> {
     /// Shadow map texels chosen for tests of their light rays, kept for all shadow maps with the same size and
     /// projection of the light.
     texels: Vec<(LightSpace, Vec<[u32; 2]>)>,
+    shadow_references: ShadowReferences,
     bricks_ms: Option<f64>,
     tables_ms: Option<f64>,
     /// Time to compute the table of transfer function breakpoints for marching light rays (Hadwiger et al. 2006,
@@ -151,6 +153,7 @@ impl<'a> Reference<'a> {
             exact_picture,
             strands,
             texels: Vec::new(),
+            shadow_references: ShadowReferences::default(),
             bricks_ms: median(bricks),
             tables_ms: median(tables),
             march_table_ms: median(march_tables),
@@ -243,6 +246,9 @@ impl<'a> Reference<'a> {
             if let Some(stats) = self.visible.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
             }
+            let drawn = (&shadows[..], picture.pixels.view());
+            row.set_shadow_error(&self.shadow_references.measure(job, &self.visible, drawn)?);
+            notes.extend(self.shadow_references.note());
             let maps: Vec<&ShadowMap> = shadows.iter().collect();
             let random = self.random.of(&maps, |map, points| job.session.query(map, points))?;
             row.image_mean_err_bound = Some(random.bound);

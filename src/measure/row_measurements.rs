@@ -4,6 +4,7 @@ use super::bound_check::BoundReport;
 use super::certified::{Certificate, CertifiedPicture};
 use super::check::Check;
 use super::point_report::PointReport;
+use super::shadow_error::ShadowError;
 use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
 use super::timing::Timing;
@@ -43,11 +44,18 @@ impl Row {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =
             [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
         self.point_err_mean_signed = Some(stats.mean);
+        [self.point_err_rms_lo, self.point_err_rms_hi] = stats.rms_interval.map(Some);
     }
 
     /// Sets the comparison table columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
     pub fn set_image_error(&mut self, error: &ImageError) {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
+    }
+
+    /// Sets the comparison table columns `shadow_*` and `flip`, the errors of the rendered picture that are the shadows'.
+    pub(super) fn set_shadow_error(&mut self, error: &ShadowError) {
+        [self.shadow_rmse, self.shadow_psnr] = [error.image.rmse, error.image.psnr_db].map(Some);
+        [self.shadow_ssim, self.flip] = [error.ssim, error.flip];
     }
 
     /// Sets the comparison table columns of transmittance errors along light rays: `ray_err_max`, `bound*`,

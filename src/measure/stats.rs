@@ -1,6 +1,7 @@
 //! Statistics: medians of times, weighted statistics of transmittance errors, and differences between pictures.
 
 use crate::error::{Error, Result};
+use crate::random::Chance;
 use ndarray::{Array2, ArrayView3, Axis};
 use serde::Serialize;
 
@@ -57,6 +58,11 @@ pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Op
     sorted.last().map(|&(value, _)| value)
 }
 
+/// Number of samples of the bootstrap, largest number of groups of points, and seed.
+const BOOTSTRAP_SAMPLES: usize = 1000;
+const BOOTSTRAP_GROUPS: usize = 500;
+const BOOTSTRAP_SEED: u64 = 17;
+
 /// Weighted statistics of transmittance errors with sign, `T_method - T_exact`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorStats {
@@ -69,6 +75,8 @@ pub struct ErrorStats {
     pub max_abs: f64,
     /// Weighted root mean square of the transmittance errors `e`: `sqrt(sum w e^2 / sum w)`.
     pub rms: f64,
+    /// Ends of the 95 % interval of `rms` by a bootstrap over the points.
+    pub rms_interval: [f64; 2],
     /// 99th percentile of the absolute transmittance errors, weighted as the points are; see [`weighted_percentile`].
     pub p99_abs: f64,
     /// Weighted mean of the transmittance errors with sign, `sum w e / sum w`. Negative where the shadow method is
@@ -114,10 +122,35 @@ impl ErrorStats {
             non_finite,
             max_abs: sized.iter().fold(0.0, |m, &(e, _)| m.max(e)),
             rms: (sum_of_squares / total).sqrt(),
+            rms_interval: rms_interval(&sized),
             p99_abs,
             mean: sum / total,
         }))
     }
+}
+
+/// Returns the ends of the 95 % interval of a weighted root mean square of `(error, weight)`, by a percentile bootstrap (Efron
+/// 1979). Points are resampled in [`BOOTSTRAP_GROUPS`] groups, each spread over all points, and alike for all rows that share
+/// their points.
+fn rms_interval(errors: &[(f64, f64)]) -> [f64; 2] {
+    let mut groups = vec![[0.0; 2]; errors.len().min(BOOTSTRAP_GROUPS)];
+    let count = groups.len();
+    for (i, (error, weight)) in errors.iter().enumerate() {
+        let group = &mut groups[i % count];
+        *group = [group[0] + weight * error * error, group[1] + weight];
+    }
+    let mut chance = Chance::new(BOOTSTRAP_SEED, 0);
+    let mut resampled: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
+        .map(|_| {
+            let [squares, weight] = (0..count)
+                .map(|_| groups[chance.below(count)])
+                .fold([0.0; 2], |sum, group| [sum[0] + group[0], sum[1] + group[1]]);
+            (squares / weight).sqrt()
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let tail = BOOTSTRAP_SAMPLES / 40;
+    [resampled[tail], resampled[BOOTSTRAP_SAMPLES - 1 - tail]]
 }
 
 /// Difference between two pictures in linear RGBA: rms, peak signal-to-noise ratio and maximum.
@@ -171,7 +204,7 @@ fn difference(a: f32, b: f32) -> f64 {
     if e.is_finite() { e } else { f64::INFINITY }
 }
 
-fn same_size(picture: &ArrayView3<f32>, reference: &ArrayView3<f32>) -> Result<()> {
+pub(super) fn same_size(picture: &ArrayView3<f32>, reference: &ArrayView3<f32>) -> Result<()> {
     let (a, b) = (picture.dim(), reference.dim());
     if a == b && !picture.is_empty() {
         return Ok(());
@@ -260,6 +293,25 @@ mod tests {
         assert!(ErrorStats::of([(0.0, -1.0)]).is_err());
         assert!(ErrorStats::of([(0.0, f64::NAN)]).is_err());
         assert_eq!(ErrorStats::of([(1.0, 0.0)]).unwrap(), None);
+    }
+
+    /// Nineteen of twenty intervals contain the value of a much larger sample, also for errors with a heavy tail.
+    #[test]
+    fn bootstrap_intervals_cover_as_often_as_they_say() {
+        let error =
+            |chance: &mut Chance| (chance.unit().powi(8) * chance.between(-1.0, 1.0), 0.5 + chance.unit());
+        let sample = |index: u64, count: usize| {
+            let mut chance = Chance::new(3, index);
+            ErrorStats::of((0..count).map(|_| error(&mut chance))).unwrap().unwrap()
+        };
+        let all = sample(0, 2_000_000).rms;
+        let covered = (1..=300).filter(|index| {
+            let [low, high] = sample(*index, 3000).rms_interval;
+            (low..=high).contains(&all)
+        });
+        let share = covered.count() as f64 / 300.0;
+        assert!((0.9..=0.98).contains(&share), "{share}");
+        assert_eq!(ErrorStats::of([(0.5, 1.0), (-0.5, 2.0)]).unwrap().unwrap().rms_interval, [0.5; 2]);
     }
 
     #[test]

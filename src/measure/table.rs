@@ -101,6 +101,11 @@ columns! {
     /// Root mean square of the transmittance error `T_method - T_exact` at points visible to the camera, weighted by
     /// visibility.
     point_err_rms [""]: Option<f64>,
+    /// Lower end of the 95 % interval of `point_err_rms` by a bootstrap over the points. All rows of a scene resample the
+    /// points alike.
+    point_err_rms_lo [""]: Option<f64>,
+    /// Upper end of the 95 % interval of `point_err_rms`.
+    point_err_rms_hi [""]: Option<f64>,
     /// 99th percentile of the transmittance error `|T_method - T_exact|` at points visible to the camera, weighted by
     /// visibility.
     point_err_p99 [""]: Option<f64>,
@@ -119,6 +124,18 @@ columns! {
     /// Mean structural similarity (SSIM) of the method's picture and the exact picture, of sRGB-encoded channels.
     /// Both have about 1,500 pixels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
+    /// Root mean square difference between the method's picture and one by shadow rays with the same integration along eye
+    /// rays, over all channels of linear RGBA, at full size: the error of the shadows alone.
+    shadow_rmse [""]: Option<f64>,
+    /// Peak signal-to-noise ratio of the method's picture against that by shadow rays, for a peak of 1; infinite for
+    /// identical pictures.
+    shadow_psnr ["dB"]: Option<f64>,
+    /// Mean structural similarity (SSIM) of the method's picture and that by shadow rays, of sRGB-encoded channels; 1 for
+    /// identical pictures.
+    shadow_ssim [""]: Option<f64>,
+    /// Mean FLIP of the method's picture against that by shadow rays, as a display of 8 bits shows them: 0 for pictures that
+    /// look the same, at most 1.
+    flip [""]: Option<f64>,
     /// Upper bound, at 99 % confidence, on the mean error of the picture's shadows: the mean over pixels of
     /// `sum over lights of (1 - ambient) light integral(T_eye sigma |T_method - T_exact| dt)`. From 10,000 random points;
     /// no assumption about the errors.

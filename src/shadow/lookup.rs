@@ -48,6 +48,11 @@ impl Lookup {
         Self { shader: self.shader.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")), ..self }
     }
 
+    /// Whether each sample of a camera ray has a transmittance query of its own.
+    pub fn answers_each_sample(&self) -> bool {
+        self.shader.defs.contains(&"LOOKUP_EACH")
+    }
+
     /// Returns the shader with the given entry file, together with the code of the transmittance query.
     pub fn within(&self, entry: &'static str) -> ShaderVariant {
         ShaderVariant { entry, ..self.shader.clone() }.modules(&[self.module])

@@ -22,6 +22,8 @@ const MAIN: &[&str] = &[
     "point_err_max",
     "image_psnr",
     "image_ssim",
+    "shadow_rmse",
+    "flip",
     "bound",
     "bound_depth_mm",
     "bound_held",
@@ -133,7 +135,7 @@ impl HtmlColumn {
             other => other.to_string(),
         };
         let shown = match cell {
-            Cell::Real(x) if self.column.name == "image_ssim" => near_one(*x),
+            Cell::Real(x) if self.column.name.ends_with("_ssim") => near_one(*x),
             Cell::Real(x) => significant(*x, 3).replace('-', "−"),
             Cell::Integer(n) => grouped(*n),
             other => other.to_string(),

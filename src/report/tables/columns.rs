@@ -32,7 +32,7 @@ impl TableColumn {
             }
             ("bytes", Cell::Integer(bytes)) => significant(bytes as f64 / f64::from(1 << 20), 3),
             ("status", _) if !row.has_failed() => String::new(),
-            ("image_ssim", Cell::Real(x)) => near_one(x),
+            ("image_ssim" | "shadow_ssim", Cell::Real(x)) => near_one(x),
             (_, Cell::Real(x)) => significant(x, 3),
             (_, cell) => cell.to_string(),
         }
@@ -85,6 +85,10 @@ pub const SHOWN: &[TableColumn] = &[
     wide("image_rmse", "image rmse", ""),
     number("image_psnr", "PSNR", "dB"),
     wide("image_ssim", "SSIM", ""),
+    number("shadow_rmse", "shadow rmse", ""),
+    wide("shadow_psnr", "shadow PSNR", "dB"),
+    wide("shadow_ssim", "shadow SSIM", ""),
+    number("flip", "FLIP", ""),
     number("bound", "bound", ""),
     wide("bound_depth_mm", "bound depth", "mm"),
     text("bound_held", "bound held", true),

@@ -10,16 +10,20 @@ use umbravox::report::run::{Run, SceneRecord};
 const EFFORT: [&str; 5] = ["--size=32x32", "--points=400", "--rays=40", "--depths=30", "--repeats=1"];
 
 /// Columns that do not depend on the speed of the machine.
-const ERRORS: [&str; 12] = [
+const ERRORS: [&str; 16] = [
     "scene",
     "method",
     "params",
     "ray_err_max",
     "point_err_max",
     "point_err_rms",
+    "point_err_rms_lo",
+    "point_err_rms_hi",
     "point_err_p99",
     "image_rmse",
     "image_ssim",
+    "shadow_rmse",
+    "flip",
     "bound",
     "bound_held",
     "nodes_total",

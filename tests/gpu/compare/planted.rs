@@ -162,6 +162,9 @@ fn a_planted_delay_and_a_planted_error_come_out() {
     assert!((got - rms).abs() < 0.1 * rms, "{got}, planted {rms}");
     assert!(planted.image_rmse.unwrap() > 3.0 * real.image_rmse.unwrap());
     assert!(planted.image_ssim.unwrap() < real.image_ssim.unwrap());
+    assert!(planted.shadow_rmse.unwrap() > 3.0 * real.shadow_rmse.unwrap());
+    assert!(planted.shadow_ssim.unwrap() < real.shadow_ssim.unwrap());
+    assert!(planted.flip.unwrap() > 3.0 * real.flip.unwrap());
 }
 
 #[test]
