@@ -12,6 +12,10 @@ use crate::gpu::Work;
 use crate::shadow::Bound;
 use ndarray::Array3;
 
+fn ends(interval: Option<[f64; 2]>) -> [Option<f64>; 2] {
+    interval.map_or([None; 2], |ends| ends.map(Some))
+}
+
 impl Row {
     /// Sets the columns of shadow map build times, frame times and frame rates in a comparison table row.
     pub fn set_timing(&mut self, timing: &Timing) {
@@ -20,6 +24,8 @@ impl Row {
             [build.median, build.min, build.max].map(Some);
         [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
             [frame.median, frame.min, frame.max].map(Some);
+        [self.build_ms_lo, self.build_ms_hi] = ends(timing.build_interval_ms);
+        [self.frame_ms_lo, self.frame_ms_hi] = ends(timing.frame_interval_ms);
         self.clock = Some(timing.clock);
         [self.build_host_ms, self.frame_host_ms] = [timing.build_host_ms, timing.frame_host_ms].map(Some);
         [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];

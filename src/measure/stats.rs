@@ -34,6 +34,27 @@ impl Spread {
     }
 }
 
+/// Returns the ends of a 95 % interval of the median of repeated measurements, from their order statistics: it assumes
+/// nothing about their distribution. `None` for fewer than six, whose extremes cover the median less often.
+pub fn median_interval(readings: &[f64]) -> Option<[f64; 2]> {
+    let mut sorted = readings.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    // Probability that at most `rank` of n readings lie below the median.
+    let mut beyond = 0.5_f64.powi(i32::try_from(n).ok()?);
+    let mut term = beyond;
+    let mut rank = None;
+    for k in 0..n / 2 {
+        if 2.0 * beyond > 0.05 {
+            break;
+        }
+        rank = Some(k);
+        term *= (n - k) as f64 / (k + 1) as f64;
+        beyond += term;
+    }
+    rank.map(|k| [sorted[k], sorted[n - 1 - k]])
+}
+
 /// Rounding tolerance for sums of weights in a weighted percentile, relative to the total weight. It exceeds the
 /// rounding error of the sum and is far below any single weight.
 const RANK_SLACK: f64 = 1e-12;
@@ -293,6 +314,16 @@ mod tests {
         assert!(ErrorStats::of([(0.0, -1.0)]).is_err());
         assert!(ErrorStats::of([(0.0, f64::NAN)]).is_err());
         assert_eq!(ErrorStats::of([(1.0, 0.0)]).unwrap(), None);
+    }
+
+    #[test]
+    fn intervals_of_medians_are_those_of_the_sign_test() {
+        let readings = |n: usize| (1..=n).rev().map(|k| k as f64).collect::<Vec<_>>();
+        assert_eq!([0, 1, 5].map(|n| median_interval(&readings(n))), [None; 3]);
+        // Tables of the binomial distribution: ranks 1, 2, 6 and 40 from each end.
+        for (n, expected) in [(6, [1.0, 6.0]), (10, [2.0, 9.0]), (20, [6.0, 15.0]), (100, [40.0, 61.0])] {
+            assert_eq!(median_interval(&readings(n)), Some(expected), "{n}");
+        }
     }
 
     /// Nineteen of twenty intervals contain the value of a much larger sample, also for errors with a heavy tail.

@@ -55,6 +55,14 @@ columns! {
     /// Clock rate of the graphics card before the timed runs, while it is kept busy, median, as the system reports it.
     /// Empty for software adapters, and where the system reports none.
     gpu_mhz ["MHz"]: Option<f64>,
+    /// Lower end of the 95 % interval of `build_ms`, from the order of the repeats. Empty with fewer than six repeats.
+    build_ms_lo ["ms"]: Option<f64>,
+    /// Upper end of the 95 % interval of `build_ms`.
+    build_ms_hi ["ms"]: Option<f64>,
+    /// Lower end of the 95 % interval of `frame_ms`, from the order of the repeats. Empty with fewer than six repeats.
+    frame_ms_lo ["ms"]: Option<f64>,
+    /// Upper end of the 95 % interval of `frame_ms`.
+    frame_ms_hi ["ms"]: Option<f64>,
     /// Time of the first build of the shadow map, by the host's clock, with the compilation of new shaders.
     build_first_ms ["ms"]: Option<f64>,
     /// Part of `build_ms` outside the GPU passes: fitting the map, listing its tiles, buffers and read-backs.

@@ -1,7 +1,7 @@
 //! Interleaved timing of shadow methods in the order A B C A B C; changes in the machine's speed thus affect all
 //! methods equally.
 
-use super::stats::Spread;
+use super::stats::{Spread, median_interval};
 use crate::error::{Error, Result};
 use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
@@ -71,6 +71,10 @@ pub struct Timing {
     pub build_ms: Spread,
     /// Time to render one picture from a finished shadow map, over all repeated runs, ms.
     pub frame_ms: Spread,
+    /// Ends of the 95 % interval of the median of `build_ms`; `None` with fewer than six runs.
+    pub build_interval_ms: Option<[f64; 2]>,
+    /// Ends of the 95 % interval of the median of `frame_ms`; `None` with fewer than six runs.
+    pub frame_interval_ms: Option<[f64; 2]>,
     /// Clock (GPU timestamps or the host's clock) that measured the shadow map build time and the frame time.
     pub clock: Clock,
     /// Median time to compute the transfer function's tables and to classify the volume's bricks, ms.
@@ -107,13 +111,17 @@ impl Timing {
         };
         let median = |stage: &dyn Fn(&StageTimes) -> Option<f64>| spread(stage).map(|s| s.median);
         let none = || Error::runtime("cannot time", "timing", "no run was counted");
-        let by =
-            |clock: Clock| Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| read(clock, t.frame))?));
-        let (clock, build_ms, frame_ms) =
-            by(Clock::GpuTimestamps).or_else(|| by(Clock::Wall)).ok_or_else(none)?;
+        let by = |clock: Clock| {
+            let build: Option<Vec<_>> = times.iter().map(|t| t.build_ms(clock)).collect();
+            let frame: Option<Vec<_>> = times.iter().map(|t| read(clock, t.frame)).collect();
+            Some((clock, build?, frame?))
+        };
+        let (clock, build, frame) = by(Clock::GpuTimestamps).or_else(|| by(Clock::Wall)).ok_or_else(none)?;
         Ok(Self {
-            build_ms,
-            frame_ms,
+            build_ms: Spread::of(&build).ok_or_else(none)?,
+            frame_ms: Spread::of(&frame).ok_or_else(none)?,
+            build_interval_ms: median_interval(&build),
+            frame_interval_ms: median_interval(&frame),
             clock,
             tables_ms: median(&|t| t.tables_ms),
             build_host_ms: median(&|t| Some(t.build_host_ms)).ok_or_else(none)?,

@@ -26,7 +26,7 @@ mod tests {
         // The other two tables share columns with the comparison table.
         assert_eq!(SIDE_TABLES.len(), 3 + 2);
         for name in SideTable::names("budgets.csv").chain(SideTable::names("trials.csv")) {
-            let own = ["budget", "by", "rank"].contains(&name);
+            let own = ["budget", "by", "rank", "separated"].contains(&name);
             assert!(own || COLUMNS.iter().any(|c| c.name == name), "{name}");
         }
     }

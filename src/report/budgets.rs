@@ -24,6 +24,16 @@ pub struct Answer<'a> {
     pub ranked: Vec<(&'a Row, f64)>,
 }
 
+impl Answer<'_> {
+    /// Whether the error of a ranked row is distinguished from the first: their 95 % intervals do not overlap. `None` for
+    /// the first row, and for error measures or rows without intervals.
+    pub fn is_separated(&self, place: usize) -> Option<bool> {
+        let (By::Points, [(first, _), ..]) = (self.by, &self.ranked[..]) else { return None };
+        let (row, _) = self.ranked.get(place).filter(|_| place > 0)?;
+        Some(first.point_err_rms_hi? < row.point_err_rms_lo?)
+    }
+}
+
 /// Returns one ranking of shadow methods for each combination of scene, graphics adapter, picture size, budget and
 /// error measure. The list is empty if no settings were tuned for a budget.
 pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
@@ -64,6 +74,7 @@ fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
 /// errors. `name` returns the name of a comparison-table row: method, settings, and the scene if there are several.
 pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     let said = |answer: Answer| {
+        let separated = answer.is_separated(1);
         let Answer { budget, by, ranked } = answer;
         let what = match by {
             By::Points => "point err rms",
@@ -83,7 +94,9 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
             [first] => Some(format!("{budget}, {what}: {}; no other method", of(first))),
             [first, second, ..] => {
                 let times = significant(second.1 / first.1, 3);
-                Some(format!("{budget}, {what}: {}; then {}, {times} times the error", of(first), of(second)))
+                let doubt = if separated == Some(false) { " (not separated)" } else { "" };
+                let (first, second) = (of(first), of(second));
+                Some(format!("{budget}, {what}: {first}; then {second}, {times} times the error{doubt}"))
             }
         }
     };
@@ -123,6 +136,7 @@ pub fn write_budgets(rows: &[Row], trials: &[Row], folder: &Path) -> Result<Vec<
         "budget" => Some(answer.budget.to_string()),
         "by" => Some(answer.by.column().into()),
         "rank" => Some(rank.to_string()),
+        "separated" => Some(answer.is_separated(rank - 1).map_or(String::new(), |is| is.to_string())),
         _ => None,
     })?;
     let trials = side_table_csv("trials.csv", trials, |_, _| None)?;
@@ -191,6 +205,26 @@ mod tests {
     }
 
     #[test]
+    fn overlapping_intervals_are_not_separated() {
+        let mut rows = planted();
+        for row in &mut rows {
+            let error = row.point_err_rms.filter(|e| e.is_finite());
+            [row.point_err_rms_lo, row.point_err_rms_hi] = [0.9, 1.1].map(|factor| Some(error? * factor));
+        }
+        let separated = |rows: &[Row], place: usize| answers(rows)[0].is_separated(place);
+        // dom and osm 0.018 to 0.022, dsm 0.027 to 0.033.
+        assert_eq!([0, 1, 2, 3].map(|place| separated(&rows, place)), [None, Some(false), Some(true), None]);
+        assert_eq!(answers(&rows)[1].is_separated(1), None, "pictures have no intervals");
+        let lines = lines(&rows, &|row| row.method.clone());
+        assert!(lines[0].ends_with("1.00 times the error (not separated)"), "{lines:?}");
+        let folder = tempfile::tempdir().unwrap();
+        let paths = write_budgets(&rows, &[], folder.path()).unwrap();
+        let text = std::fs::read_to_string(&paths[0]).unwrap();
+        let starts = [",1,,dom,", ",2,false,osm,", ",3,true,dsm,"];
+        assert!(text.lines().skip(1).zip(starts).all(|(line, start)| line.contains(start)), "{text}");
+    }
+
+    #[test]
     fn other_scenes_failures_and_tables_without_budgets() {
         let mut rows = planted();
         rows[6].scene = "another".into();
@@ -207,6 +241,8 @@ mod tests {
         let paths = write_budgets(&planted(), &[Row::default()], folder.path()).unwrap();
         let text = std::fs::read_to_string(&paths[0]).unwrap();
         assert_eq!(text.lines().count(), 1 + 3 + 4 + 3 + 3);
-        assert!(text.lines().nth(1).unwrap().starts_with("planted,,bytes=100,point_err_rms,1,dom,layers=3,"));
+        assert!(
+            text.lines().nth(1).unwrap().starts_with("planted,,bytes=100,point_err_rms,1,,dom,layers=3,")
+        );
     }
 }

@@ -25,6 +25,8 @@ pub(crate) fn sample_rows() -> Vec<Row> {
         let timing = Timing {
             build_ms: spread(build),
             frame_ms: spread(frame),
+            build_interval_ms: None,
+            frame_interval_ms: None,
             clock: Clock::Wall,
             tables_ms: None,
             build_host_ms: 0.5 * build,

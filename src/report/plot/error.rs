@@ -1,6 +1,7 @@
 //! Plots of transmittance error against time and against memory, one point per row of the comparison table.
 //!
-//! Both axes are logarithmic. Error bars span the fastest and the slowest timing repeat, and a dashed staircase is
+//! Both axes are logarithmic. Error bars are 95 % intervals; those of times with fewer than six repeats span the fastest and
+//! the slowest. A dashed staircase is
 //! the Pareto front of the plotted points. Errors below [`ERROR_FLOOR`], 0 included, are drawn in a marked strip
 //! below the axis.
 
@@ -56,17 +57,21 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     drawing.text(Point(WIDTH / 2.0, 52.0), Anchor::Middle, TEXT, GREY, &fit(about, TEXT));
 
     let labels = label::of_rows(rows);
-    let data = |error: fn(&Row) -> Option<f64>| -> Vec<Datum> {
+    let data = |error: fn(&Row) -> Option<[f64; 3]>| -> Vec<Datum> {
         let labelled = rows.iter().zip(&labels);
         labelled.filter_map(|(row, label)| datum(row, label, &families, cost, error)).collect()
     };
     let axes = |y_title| [cost.axis_title(), y_title];
     let [left, right] = PANELS;
     let points = axes("rms transmittance error (point_err_rms)");
-    panel(&mut drawing, left, "At points the camera sees", points, &data(|r| r.point_err_rms), &families);
+    let of_points = data(|r| {
+        let rms = r.point_err_rms?;
+        Some([rms, r.point_err_rms_lo.unwrap_or(rms), r.point_err_rms_hi.unwrap_or(rms)])
+    });
+    panel(&mut drawing, left, "At points the camera sees", points, &of_points, &families);
     let rays = axes("largest transmittance error (ray_err_max)");
-    panel(&mut drawing, right, "Along light rays", rays, &data(|r| r.ray_err_max), &families);
-    legend(&mut drawing, &families, cost);
+    panel(&mut drawing, right, "Along light rays", rays, &data(|r| Some([r.ray_err_max?; 3])), &families);
+    legend(&mut drawing, &families, bars(rows, cost));
     drawing
 }
 
@@ -77,11 +82,11 @@ fn datum(
     label: &str,
     families: &[Family],
     cost: Cost,
-    error: fn(&Row) -> Option<f64>,
+    error: fn(&Row) -> Option<[f64; 3]>,
 ) -> Option<Datum> {
     let family = families.iter().position(|f| f.name == row.method)?;
-    let error = error(row).filter(|e| e.is_finite())?.abs();
-    Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error })
+    let [error, low, high] = error(row).filter(|[e, ..]| e.is_finite())?.map(f64::abs);
+    Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error, ends: [low, high] })
 }
 
 /// Draws one plot of error against cost; `axes` are the titles of the horizontal and the vertical axis.
@@ -138,8 +143,15 @@ fn panel(
         obstacles.push(Rect { top: plot.bottom - 1.5, bottom: plot.bottom + 1.5, ..frame });
     }
     labels(drawing, frame, data, families, &front, &obstacles, place);
-    for (d, r) in data.iter().zip(&whiskers).filter(|(d, _)| d.cost[1] < d.cost[2]) {
-        whisker(drawing, *r, families[d.family].color);
+    for (d, r) in data.iter().zip(&whiskers) {
+        let color = families[d.family].color;
+        if d.cost[1] < d.cost[2] {
+            whisker(drawing, *r, color);
+        }
+        if d.error >= ERROR_FLOOR && d.ends[0] < d.ends[1] {
+            let [bottom, top] = d.ends.map(|end| y.place(end).clamp(plot.top, plot.bottom));
+            drawing.line(&[Point(place(d).0, top), Point(place(d).0, bottom)], 1.0, color);
+        }
     }
     for d in data {
         let family = &families[d.family];
@@ -147,8 +159,20 @@ fn panel(
     }
 }
 
-/// Draws an error bar with a cap at both ends in a plot of error against cost. It shows the range of the cost over
-/// the timing repeats.
+/// Returns the meaning of the error bars; `None` if there are none.
+fn bars(rows: &[Row], cost: Cost) -> Option<&'static str> {
+    let has_extremes =
+        cost == Cost::Time && rows.iter().any(|r| r.frame_ms.is_some() && r.frame_ms_lo.is_none());
+    let has_intervals = rows.iter().any(|r| r.point_err_rms_lo.is_some() || r.frame_ms_lo.is_some());
+    match (has_extremes, has_intervals) {
+        (true, true) => Some("95 % interval; time: fastest to slowest repeat"),
+        (true, false) => Some("fastest to slowest repeat"),
+        (false, true) => Some("95 % interval"),
+        (false, false) => None,
+    }
+}
+
+/// Draws an error bar with a cap at both ends in a plot of error against cost.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
     drawing.line(&[Point(r.left, middle), Point(r.right, middle)], 1.0, color);
@@ -194,15 +218,14 @@ fn labels(
 }
 
 /// Draws the legend below the plots: the shadow methods, the dashed Pareto front and the error bars.
-fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
+fn legend(drawing: &mut Drawing, families: &[Family], bars: Option<&str>) {
     const FRONT: &str = "Pareto front";
-    const REPEATS: &str = "fastest to slowest repeat";
     const SPACE: f64 = 30.0;
     const BAR: f64 = 36.0;
     let entry = |name: &str, symbol: f64| symbol + 8.0 + text_width(name, TEXT) + SPACE;
     let methods: f64 = families.iter().map(|f| entry(&f.name, 12.0)).sum();
-    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
-    let total = methods + entry(FRONT, BAR) + repeats - SPACE;
+    let bar = bars.map_or(0.0, |name| entry(name, BAR));
+    let total = methods + entry(FRONT, BAR) + bar - SPACE;
     let (mut left, y) = (0.5 * (WIDTH - total), HEIGHT - 28.0);
     let mut named = |drawing: &mut Drawing, name: &str, symbol: f64| {
         drawing.text(Point(left + symbol + 8.0, y), Anchor::Start, TEXT, BLACK, name);
@@ -215,10 +238,8 @@ fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     }
     let left = named(drawing, FRONT, BAR);
     drawing.dashed(&[Point(left, y), Point(left + BAR, y)], 1.3, GREY, DASHES);
-    if cost != Cost::Time {
-        return;
-    }
-    let left = named(drawing, REPEATS, BAR);
+    let Some(name) = bars else { return };
+    let left = named(drawing, name, BAR);
     whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
 
@@ -281,6 +302,22 @@ mod tests {
     }
 
     #[test]
+    fn the_legend_says_what_error_bars_are() {
+        let mut rows = sample_rows();
+        assert!(error_time(&rows).contains(">fastest to slowest repeat<"));
+        let plain = error_time(&rows).matches("<line").count() + error_time(&rows).matches("<poly").count();
+        rows[2].point_err_rms_lo = Some(0.008);
+        rows[2].point_err_rms_hi = Some(0.013);
+        let svg = error_time(&rows);
+        assert!(svg.contains("95 % interval; time"));
+        assert!(svg.matches("<line").count() + svg.matches("<poly").count() > plain, "one more bar");
+        for row in &mut rows {
+            row.frame_ms_lo = row.frame_ms_min;
+        }
+        assert!(error_time(&rows).contains(">95 % interval<"));
+    }
+
+    #[test]
     fn errors_of_zero_are_drawn_in_a_strip_named_for_what_it_holds() {
         let strip = |error: f64| {
             let mut rows = sample_rows();
@@ -301,8 +338,10 @@ mod tests {
         rows[2].point_err_rms = None;
         rows[3].frame_ms = Some(f64::NAN);
         let families = families(rows.iter().map(|r| r.method.as_str()));
-        let drawn: Vec<bool> =
-            rows.iter().map(|r| datum(r, "", &families, Cost::Time, |r| r.point_err_rms).is_some()).collect();
+        let drawn: Vec<bool> = rows
+            .iter()
+            .map(|r| datum(r, "", &families, Cost::Time, |r| Some([r.point_err_rms?; 3])).is_some())
+            .collect();
         assert_eq!(drawn, [false, false, false, false, true]);
         for rows in [&rows[..1], &[]] {
             assert!(error_time(rows).contains("not measured"));

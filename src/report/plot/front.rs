@@ -7,9 +7,11 @@ pub struct Datum {
     /// Index of the plot point's shadow method in the list of plotted methods.
     pub family: usize,
     pub label: String,
-    /// Median, smallest and largest cost of a comparison-table row in the plot: time in ms or memory in MiB.
+    /// Cost of a comparison-table row in the plot, time in ms or memory in MiB, and the ends of its error bar.
     pub cost: [f64; 3],
     pub error: f64,
+    /// Ends of the interval of the error; equal to the error where it has none.
+    pub ends: [f64; 2],
 }
 
 /// Indices of the plot points on the Pareto front, cheapest first. No other point is both cheaper and more accurate
@@ -39,7 +41,7 @@ mod tests {
     use super::*;
 
     fn datum(ms: f64, error: f64) -> Datum {
-        Datum { family: 0, label: String::new(), cost: [ms; 3], error }
+        Datum { family: 0, label: String::new(), cost: [ms; 3], error, ends: [error; 2] }
     }
 
     #[test]
