@@ -8,7 +8,7 @@
 
 #import umbravox::field::field
 #import umbravox::labels::clamped_value
-#import umbravox::ray_march::{ray_through, start_march, advance, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
+#import umbravox::ray_march::{ray_through, start_march, advance, skip_search, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #import umbravox::transfer::{integral_at, mean_between}
 #import umbravox::light::light
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
@@ -27,6 +27,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var piece_mm = 0.0;
     loop {
         advance(&state, ray);
+        skip_search(&state);
         if state.hit {
             // Part of the segment whose values may have extinction.
             let behind = sample_depth(ray, state.k);

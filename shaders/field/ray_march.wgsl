@@ -10,7 +10,7 @@
 
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::labels::{CUTS_BY_LABEL, label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
-#import umbravox::tuning::EYE_STEPS_TOGETHER
+#import umbravox::tuning::{quotient, EYE_STEPS_TOGETHER}
 #import umbravox::work::count_step
 
 struct Ray {
@@ -92,7 +92,7 @@ fn start_march(ray: Ray, iterations_a_sample: u32) -> RayMarch {
     // A skip over empty bricks takes one iteration, and one more to sample where it ends.
     let skips = 3u * (field.size.x + field.size.y + field.size.z);
     var march: RayMarch;
-    march.k = floor(ray.start / ray.step_mm);
+    march.k = floor(quotient(ray.start, ray.step_mm));
     march.steps_unskipped = STEPS_UNSKIPPED;
     march.marching = ray.start < ray.end;
 #ifdef SURFACES
@@ -129,6 +129,14 @@ fn is_searching(march: RayMarch) -> bool {
 #endif
 }
 
+// Goes on after a search that the caller does not make: a march along light rays counts no peaks between its samples.
+fn skip_search(march: ptr<function, RayMarch>) {
+#ifdef SURFACES
+    (*march).search = NO_SEARCH;
+    (*march).before = FAR;
+#endif
+}
+
 fn reached_iteration_limit(march: RayMarch) -> bool {
     return march.iterations_left == 0u;
 }
@@ -148,7 +156,7 @@ fn step(march: ptr<function, RayMarch>, ray: Ray) {
     let ahead = stretch.end;
     var skips = false;
     var occupied = true;
-    var k = select(next, ahead / ray.step_mm, stretch.cut);
+    var k = select(next, quotient(ahead, ray.step_mm), stretch.cut);
 #ifdef SKIP_BRICKS
     let brick = brick_at(ray, ahead);
     let distance = brick_distance_at(brick);
@@ -163,7 +171,7 @@ fn step(march: ptr<function, RayMarch>, ray: Ray) {
     let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
     let moves = abs(ray.d) >= vec3<f32>(1e-20);
     let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - ray.o) * ray.inv_d, moves);
-    let last_empty = floor(min(exits.x, min(exits.y, exits.z)) / ray.step_mm);
+    let last_empty = floor(quotient(min(exits.x, min(exits.y, exits.z)), ray.step_mm));
     // Rounding may put the last face before the sample, which has passed it.
     skips = distance > 0 && (*march).steps_unskipped == 0u && joined && (!FINDS_PEAKS || k < last_empty);
     k = select(k, max(last_empty, k), skips);

@@ -39,7 +39,7 @@ pub use loaded::{LoadedVolume, grid_from_world};
 pub use march::{GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH};
 pub use node_pools::{NodePool, NodePoolSizes, NodePools};
 pub use optimizations::{DisabledOptimizations, Optimization};
-pub use shader::{DEPTH_SINK, field_shader, line_of_workgroups, marches_cells, shape_of};
+pub use shader::{DEPTH_SINK, field_shader, line_of_workgroups, marches_cells, marches_samples, shape_of};
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;
 pub use view::View;

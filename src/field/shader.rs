@@ -95,11 +95,22 @@ impl ShaderVariant {
         }
     }
 
+    /// Adds the WGSL modules that march a light ray within a shader that casts eye rays or queries points, and add up its
+    /// optical depth. A march by samples shares its module, and whether it skips bricks, with the eye rays.
+    #[must_use]
+    pub fn with_shadow_rays(self, march: March) -> Self {
+        match march {
+            March::Samples { .. } => self.modules(&["field/sums.wgsl", DEPTH_SINK, RAY_MARCH, MARCH_SAMPLES]),
+            _ => self.with_march(march, DEPTH_SINK),
+        }
+    }
+
     /// Adds the WGSL module for marching along rays by regular samples. With `skip_bricks`, it skips bricks (blocks
     /// of voxel cells) without extinction.
     #[must_use]
     pub fn with_ray_march(self, skip_bricks: bool) -> Self {
-        self.modules(&[RAY_MARCH]).defs(skip_bricks.then_some(SKIP_BRICKS))
+        let known = self.modules.contains(&RAY_MARCH);
+        self.modules(if known { &[] } else { &[RAY_MARCH] }).defs(skip_bricks.then_some(SKIP_BRICKS))
     }
 
     /// Adds the WGSL modules that march light rays cell by cell and add up their optical depth.
@@ -112,6 +123,11 @@ impl ShaderVariant {
 /// Whether a shader marches light rays cell by cell, and so needs the lookup table of transfer-function breakpoints.
 pub fn marches_cells(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH_CELLS)
+}
+
+/// Whether a shader marches light rays by samples.
+pub fn marches_samples(variant: &ShaderVariant) -> bool {
+    variant.modules.contains(&MARCH_SAMPLES)
 }
 
 /// Returns the dispatch size of a compute pass with one thread per item, in workgroups of [`LINE_THREADS`] threads.

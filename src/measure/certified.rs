@@ -148,7 +148,7 @@ impl CertifiedScene<'_> {
         let rays = self.renderer.shadows_in(
             self.loaded,
             self.transfer,
-            &ShadowRays { lookup: Lookups::Each },
+            &ShadowRays { lookup: Lookups::Each, ..ShadowRays::default() },
             scene,
             None,
         )?;

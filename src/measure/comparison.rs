@@ -1,5 +1,6 @@
 //! Result of comparing shadow methods: comparison table rows with their pictures, notes and failures.
 
+use super::cell::Cell;
 use super::facts::Facts;
 use super::job::name_of;
 use super::stats::image_difference;
@@ -96,10 +97,11 @@ impl Comparison {
 }
 
 impl Compared {
-    /// Whether the comparison table row is of the reference method `rays`. The pictures of the other methods are
+    /// Whether the comparison table row is of the reference method `rays`, marched cell by cell. The pictures of the other methods are
     /// compared with its picture.
     pub fn is_reference(&self) -> bool {
-        self.row.method == ShadowRays::default().name()
+        let is_exact = self.row.setting("march") != Cell::from("samples".to_owned());
+        self.row.method == ShadowRays::default().name() && is_exact
     }
 
     pub(super) fn failed(mut row: Row, method: &dyn Method, slug: String, error: &Error) -> Self {

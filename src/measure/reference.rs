@@ -24,7 +24,7 @@ use crate::exact::ExactField;
 use crate::field::DeviceTransfer;
 use crate::render::{Omission, Session, View};
 use crate::scene::{Light, Scene};
-use crate::shadow::{Bound, BuildReport, LightSpace, Method, ShadowMap};
+use crate::shadow::{Bound, BuildReport, LightSpace, Lookup, Method, ShadowMap};
 use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
@@ -184,7 +184,7 @@ impl<'a> Reference<'a> {
         let start = Instant::now();
         let shadows = build()?;
         let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
-        let marches = |map: &ShadowMap| map.lookup.as_ref().is_some_and(|l| l.marches());
+        let marches = |map: &ShadowMap| map.lookup.as_ref().is_some_and(Lookup::marches_cells);
         let marched = transfer.march_table().is_some() || shadows.iter().any(marches);
         if marched {
             // Timed runs use the session's own tables, whose computation must not fall into the first run.

@@ -3,13 +3,14 @@
 use super::Renderer;
 use super::shader::CONSTANTS;
 use crate::error::Result;
-use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups};
+use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups, marches_samples};
 use crate::gpu::{DevicePass, Read, ShaderVariant, Slot, StorageBuffer};
 use crate::shadow::{Lookup, ShadowMap};
 use glam::DVec3;
 
 pub(super) fn shader(lookup: &Lookup) -> ShaderVariant {
-    lookup.within("render/query.wgsl").constants(CONSTANTS)
+    let shader = lookup.within("render/query.wgsl").constants(CONSTANTS);
+    if marches_samples(&shader) { shader.with_ray_march(true) } else { shader }
 }
 
 impl Renderer {

@@ -1,7 +1,7 @@
 //! Shader code of transmittance queries.
 
 use super::keys::{Align, Filter, Lookups};
-use crate::field::{LightSpace, marches_cells};
+use crate::field::{LightSpace, marches_cells, marches_samples};
 use crate::gpu::{Constant, ShaderVariant};
 
 /// Largest difference in depth at which neighbouring shadow map texels still count as one surface, in widths of a
@@ -60,6 +60,11 @@ impl Lookup {
 
     /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
     pub fn marches(&self) -> bool {
+        marches_cells(&self.shader) || marches_samples(&self.shader)
+    }
+
+    /// Whether a transmittance query marches a light ray cell by cell, with the table of breakpoints.
+    pub fn marches_cells(&self) -> bool {
         marches_cells(&self.shader)
     }
 }

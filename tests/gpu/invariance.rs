@@ -39,7 +39,7 @@ fn skipping_phantoms() {
             skipping_changes_nothing(
                 &phantom(name),
                 tf,
-                &["none", "dsm:map=64"],
+                &["none", "dsm:map=64", "rays:march=samples"],
                 &format!("{name}, function {n}"),
             );
         }

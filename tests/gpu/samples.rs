@@ -25,7 +25,8 @@ fn samples_come_to_what_cells_give_as_their_step_shrinks() {
         return;
     };
     let points = points(setup.volume());
-    for method in ["dsm:epsilon=0,map=96", "osm:map=96,bits=32", "dom:map=96,bits=32", "bom:map=96,bits=32"] {
+    let maps = ["dsm:epsilon=0,map=96", "osm:map=96,bits=32", "dom:map=96,bits=32", "bom:map=96,bits=32"];
+    for method in maps.into_iter().chain(["rays:lookup=shared"]) {
         let cells = setup.query(&setup.shadow(method, LIGHT), &points);
         let off = |step: &str| {
             let spec = format!("{method},march=samples,step={step}");
@@ -58,6 +59,10 @@ fn the_check_tells_fine_samples_from_coarse_ones() {
     }
     assert_eq!(found("dsm:map=128,precompress=off"), None);
     assert_eq!(found("rays"), None);
+    // Shadow rays by samples are compared at the points of an assumed map.
+    let [fine, coarse] =
+        ["0.1", "6"].map(|step| found(&format!("rays:march=samples,step={step}")).expect("a check"));
+    assert!(fine.ok() && !coarse.ok(), "{fine:?}, {coarse:?}");
 }
 
 /// Wall one voxel thick between two halves, visible only by a transfer function with a peak between their values.
@@ -126,5 +131,26 @@ fn loops_end_where_stretches_are_long_and_where_steps_are_short() {
             let map = setup.shadow(&spec, Light::Directional { toward: DVec3::new(-0.001, 0.01, 1.0) });
             assert!(setup.query(&map, &[DVec3::ZERO])[0].is_finite(), "{spec}");
         }
+    }
+}
+
+/// Shadow rays by samples share their march with eye rays that search for surfaces. They come to the picture of rays that
+/// are marched cell by cell, on opaque surfaces too.
+#[test]
+fn shadow_rays_by_samples_draw_what_cells_draw_as_their_step_shrinks() {
+    let volume = phantom("thorax:48");
+    let presets =
+        ["isosurface", "ct"].map(|name| umbravox::open::presets::resolve(name, &volume).unwrap().tf);
+    let [_, jumps, peaks] = transfer_functions([-900.0, 1200.0]);
+    for (n, tf) in presets.into_iter().chain([jumps, peaks]).enumerate() {
+        let Some(setup) = Setup::open(&volume, &tf) else { return };
+        let scene = setup.scene(60, 45);
+        let cells = setup.picture("rays", &scene);
+        let off = |step: &str| {
+            rms_difference(&setup.picture(&format!("rays:march=samples,step={step}"), &scene), &cells)
+        };
+        let [coarse, fine] = ["2", "0.05"].map(off);
+        println!("function {n}: {coarse:.5} {fine:.5}");
+        assert!(fine < 5e-3 && fine < 0.5 * coarse, "function {n}: {coarse}, {fine}");
     }
 }

@@ -339,7 +339,7 @@ mod tests {
         assert_eq!(over("osm:map=64", "epsilon-0"), None);
         assert_eq!(over("rays", "map-1"), None);
         assert_eq!(over("osm:layers=4", "bits-8").unwrap(), "osm:layers=4,bits=8");
-        assert_eq!(over("rays", "step-too-long").unwrap(), "rays");
+        assert_eq!(over("rays", "step-too-long").unwrap(), "rays:march=samples,step=8");
         assert_eq!(
             over("dsm", "step-too-long").unwrap(),
             "dsm:epsilon=0.02,precompress=off,march=samples,step=8"

@@ -8,7 +8,7 @@ use super::none::without_map;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, field_shader};
+use crate::field::{BuildContext, March, field_shader};
 use crate::gpu::{Group, uniform_buffer};
 
 settings! {
@@ -46,7 +46,7 @@ impl Method for Half {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let map = without_map(self, context);
+        let map = without_map(self, context, March::Cells);
         let light = context.light_uniform(&map.light_space);
         let params = uniform_buffer(context.gpu(), "half", &[self.share as f32, 0.0, 0.0, 0.0]);
         let slots = [(0, context.kernels.uniform(&light)), (1, context.kernels.uniform(&params))];

@@ -36,7 +36,7 @@ impl Method for NoShadows {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        Ok(without_map(self, context))
+        Ok(without_map(self, context, March::Cells))
     }
 }
 
@@ -49,8 +49,8 @@ pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace
 }
 
 /// Returns the shadow data of a method without a map: the light space and the transmittance query only.
-pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
-    let light_space = test_space(context, March::Cells);
+pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>, march: March) -> ShadowMap {
+    let light_space = test_space(context, march);
     let light = context.light_uniform(&light_space);
     ShadowMap {
         method: method.name(),
