@@ -1,4 +1,4 @@
-// Greedy compression of one texel's visibility function (Lokovic & Veach 2000, 3.2; Hadwiger et al. 2006, 3.3).
+// Greedy compression of one texel's visibility function (Lokovic & Veach 2000; Hadwiger et al. 2006, 3.3).
 //
 // The slope is never positive, so the stored function never rises. Slopes are those of transmittance, or of its
 // logarithm (OPTICAL_DEPTH).

@@ -1,4 +1,4 @@
-// `avsm`: query of the transmittance in a fixed number of curve nodes (Salvi et al. 2010, 3.3), linear between the
+// `avsm`: query of the transmittance in a fixed number of curve nodes (Salvi et al. 2010), linear between the
 // two nodes around a depth.
 #define_import_path umbravox::texel_curve
 

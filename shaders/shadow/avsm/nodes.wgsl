@@ -1,4 +1,4 @@
-// A fixed number of nodes of one visibility function (Salvi et al. 2010, 3.2).
+// A fixed number of nodes of one visibility function (Salvi et al. 2010).
 //
 // Where there are too many, the inner node is removed that changes the area under the curve least, which is the area of
 // the triangle with its neighbours. The neighbours do not move.

@@ -1,5 +1,5 @@
 // Bounds of the share of a distribution on [-1, 1] that lies in front of a depth, from its power moments
-// (Muenstermann et al. 2018, 4; Tari et al. 2005).
+// (Muenstermann et al. 2018; Tari et al. 2005).
 //
 // The canonical distribution with these moments has matter at the depth itself and at as few other points as
 // possible. Its weight in front of the depth is the least share, and with the weight at the depth the greatest. Its

@@ -1,4 +1,4 @@
-// Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018, 3): the optical depth, and
+// Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018): the optical depth, and
 // the means over it of powers of the depth, or of points on the unit circle. With LIGHT, absorbed light takes the place
 // of optical depth.
 #define_import_path umbravox::sink

@@ -1,5 +1,5 @@
 // Bounds of the share of a distribution on the unit circle that lies in front of a depth, from its trigonometric
-// moments (Muenstermann et al. 2018, 4); the counterpart of `power.wgsl`.
+// moments (Muenstermann et al. 2018); the counterpart of `power.wgsl`.
 //
 // Depths lie at angles from 0 to `params.largest_angle`; no matter lies between that and the full circle. A point
 // that is found there counts as in front by how near it is to the full circle. Complex numbers are vectors of real
