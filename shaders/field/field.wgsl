@@ -4,7 +4,7 @@
 // domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
 #define_import_path umbravox::field
 
-#import umbravox::tuning::filter_point
+#import umbravox::tuning::{filter_point, COARSE_FILTER}
 #import umbravox::work::{count_work, SAMPLES, LOADS}
 
 const BRICK_CELLS: i32 = #{BRICK_CELLS};
@@ -196,12 +196,11 @@ fn value_at(exact: vec3<f32>) -> f32 {
 
 // Returns the volume value at a grid-space point inside the domain, interpolated with float32 weights on every adapter.
 fn exact_value_at(g: vec3<f32>) -> f32 {
-#ifdef COARSE_FILTER
-    count_work(SAMPLES, 1u);
-    return interpolated_value(g);
-#else
+    if COARSE_FILTER {
+        count_work(SAMPLES, 1u);
+        return interpolated_value(g);
+    }
     return value_at(g);
-#endif
 }
 
 fn brick_distance_at(brick: vec3<i32>) -> i32 {

@@ -8,11 +8,15 @@ const LIGHT_STEPS_TOGETHER: u32 = #{LIGHT_STEPS_TOGETHER};
 // Side of a workgroup in passes over shadow-map tiles, in texels.
 const WORKGROUP_SIDE: u32 = #{WORKGROUP_SIDE};
 
-#ifdef COARSE_FILTER
-// Whether the texture filter has weights of 8 bits.
+// Whether samples of the volume have filter weights of 8 bits.
+#ifdef MANUAL_TRILINEAR
+const COARSE_FILTER: bool = false;
+#else
+#ifdef COARSE_WEIGHTS
 const COARSE_FILTER: bool = true;
 #else
 const COARSE_FILTER: bool = false;
+#endif
 #endif
 
 #ifdef CARD_ARITHMETIC
@@ -21,7 +25,7 @@ fn filter_point(g: vec3<f32>) -> vec3<f32> {
     return floor(g * 256.0 + 0.5) * (1.0 / 256.0);
 }
 
-// Returns x / y with an error that WGSL permits (2.5 units in the last place).
+// Returns the quotient of a depth and the step of a march, with an error that WGSL permits (2.5 units in the last place).
 fn quotient(x: f32, y: f32) -> f32 {
     return x / y * (1.0 - 1.2e-7);
 }

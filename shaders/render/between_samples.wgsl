@@ -71,7 +71,7 @@ fn find_surface(march: ptr<function, RayMarch>, ray: Ray) {
     loop {
         let root = linear_root(Sample(outside.t, weights.x * outside.excess), Sample(inside.t, weights.y * inside.excess));
         let bend = select(select(select(start.t, bends.z, i == 2u), bends.y, i == 1u), bends.x, i == 0u);
-        let end_t = select(inside.t + inward_mm, outside.t - inward_mm, i == 0u);
+        let end_t = clamp(select(inside.t + inward_mm, outside.t - inward_mm, i == 0u), ray.t_in, ray.t_out);
         let t = select(select(root, bend, seeks_peak), end_t, i < widens);
         let next = Sample(t, exact_value_at(ray.o + t * ray.d) - field.first_value);
         if next.excess > top.excess { top = next; }
@@ -80,7 +80,10 @@ fn find_surface(march: ptr<function, RayMarch>, ray: Ray) {
         let again = select(1.0, 0.5, i > widens && is_inside == was_inside);
         weights = select(vec2<f32>(1.0, again * weights.y), vec2<f32>(again * weights.x, 1.0), is_inside);
         was_inside = is_inside;
-        if is_inside { inside = next; } else { outside = next; }
+        // An end moves apart only on its own side of the surface: beyond it lies another surface.
+        let moves_end = i >= widens || is_inside == (i == 1u);
+        if is_inside && moves_end { inside = next; }
+        if !is_inside && moves_end { outside = next; }
         i += 1u;
         if i >= samples || i > widens && abs(next.excess) < on_surface { break; }
     }
@@ -95,7 +98,9 @@ fn find_surface(march: ptr<function, RayMarch>, ray: Ray) {
         (*march).value = select((*march).value, field.first_value + top.excess, (*march).hit);
         (*march).steps_unskipped = select((*march).steps_unskipped, STEPS_UNSKIPPED, (*march).hit);
     } else {
-        let surface = linear_root(outside, inside);
+        // A widened range may put the surface beside the segment. Its part behind or in front of the surface is not negative.
+        let root = linear_root(outside, inside);
+        let surface = select(max(root, start.t), min(root, end.t), enters);
         (*march).hit = true;
         (*march).segment_start = select(start.t, surface, enters);
         (*march).segment_value = select((*march).segment_value, field.first_value, enters);

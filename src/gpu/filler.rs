@@ -4,14 +4,16 @@
 use super::Gpu;
 use crate::error::Result;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-/// Duration of the work of one call, ms.
-const TARGET_MS: f64 = 20.0;
-/// Number of loop iterations of a thread in the first call, and the largest number.
+/// Shortest time for which the device is kept busy.
+const SHORTEST: Duration = Duration::from_millis(20);
+/// Duration of one pass that is long enough; the iterations of shorter ones are doubled.
+const PASS: Duration = Duration::from_millis(2);
+/// Number of loop iterations of a thread in the first pass, and the largest number.
 const FIRST_ITERATIONS: u32 = 1 << 14;
-const MOST_ITERATIONS: u32 = 1 << 23;
-/// Number of workgroups of the pass.
+const MOST_ITERATIONS: u32 = 1 << 24;
+/// Number of workgroups of a pass.
 const WORKGROUPS: u32 = 256;
 /// Shader of the pass. The store never happens, and keeps the loop.
 const SHADER: &str = "
@@ -25,7 +27,7 @@ fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// Compute pass without a result, which takes about 20 ms.
+/// Compute pass without a result, for a graphics card that would otherwise wait.
 #[derive(Debug)]
 pub struct Filler {
     pipeline: wgpu::ComputePipeline,
@@ -62,12 +64,27 @@ impl Filler {
         Self { pipeline, group, words, iterations: AtomicU32::new(FIRST_ITERATIONS) }
     }
 
-    /// Keeps the device busy while `meanwhile` runs on the host, and for about 20 ms. Returns the result of `meanwhile`
-    /// when the device is done.
+    /// Keeps the device busy for 20 ms, and until `meanwhile` has returned on another thread of the host. Returns the
+    /// result of `meanwhile`.
     ///
     /// # Errors
     /// The device is lost.
-    pub fn keep_busy<T>(&self, gpu: &Gpu, meanwhile: impl FnOnce() -> T) -> Result<T> {
+    ///
+    /// # Panics
+    /// `meanwhile` panics.
+    pub fn keep_busy<T: Send>(&self, gpu: &Gpu, meanwhile: impl FnOnce() -> T + Send) -> Result<T> {
+        let start = Instant::now();
+        std::thread::scope(|scope| {
+            let host = scope.spawn(meanwhile);
+            while start.elapsed() < SHORTEST || !host.is_finished() {
+                self.run(gpu)?;
+            }
+            Ok(host.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        })
+    }
+
+    /// Runs the pass once. A pass that was too short is longer the next time.
+    fn run(&self, gpu: &Gpu) -> Result<()> {
         let iterations = self.iterations.load(Ordering::Relaxed);
         gpu.queue.write_buffer(&self.words, 0, &iterations.to_ne_bytes());
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -77,39 +94,10 @@ impl Filler {
         pass.dispatch_workgroups(WORKGROUPS, 1, 1);
         drop(pass);
         let start = Instant::now();
-        let submission = gpu.submit([encoder.finish()]);
-        let result = meanwhile();
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
-        gpu.wait_for(submission)?;
-        let all_ms = start.elapsed().as_secs_f64() * 1e3;
-        self.iterations.store(next_iterations(iterations, host_ms, all_ms), Ordering::Relaxed);
-        Ok(result)
-    }
-}
-
-/// Returns the number of iterations of the next call, from the time that the host worked beside this one and the time
-/// until both were done. A device that was done before the host gets more work.
-fn next_iterations(iterations: u32, host_ms: f64, all_ms: f64) -> u32 {
-    let waited = all_ms > 1.05 * host_ms;
-    let wanted_ms = TARGET_MS.max(1.5 * host_ms);
-    let factor = if waited { (wanted_ms / all_ms).clamp(0.25, 4.0) } else { 2.0 };
-    (f64::from(iterations) * factor).clamp(1.0, f64::from(MOST_ITERATIONS)) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_device_is_busy_for_longer_than_the_host_and_not_much_longer() {
-        for (host_ms, ms_per_iteration) in [(0.0, 1e-4), (30.0, 1e-5), (5.0, 2e-3)] {
-            let mut iterations = FIRST_ITERATIONS;
-            let device_ms = |iterations: u32| f64::from(iterations) * ms_per_iteration;
-            for _ in 0..12 {
-                iterations = next_iterations(iterations, host_ms, host_ms.max(device_ms(iterations)));
-            }
-            let wanted = TARGET_MS.max(1.5 * host_ms);
-            assert!((device_ms(iterations) / wanted - 1.0).abs() < 0.05, "{host_ms}: {iterations}");
+        gpu.wait_for(gpu.submit([encoder.finish()]))?;
+        if start.elapsed() < PASS {
+            self.iterations.store((2 * iterations).min(MOST_ITERATIONS), Ordering::Relaxed);
         }
+        Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! Choices that make shaders fast on one type of graphics adapter, in one place, and limits on shader loops that
 //! software adapters require. `shaders/field/tuning.wgsl` is the counterpart in the shaders.
 //!
-//! Pictures and shadow maps depend on none of these choices but the last two. `UMBRAVOX_TUNING` replaces some of them, to measure each
+//! Pictures and shadow maps depend on `coarse_filter` and `card_arithmetic` alone. `UMBRAVOX_TUNING` replaces some of them, to measure each
 //! on its own.
 
 use crate::error::{Error, Result};
@@ -33,15 +33,16 @@ pub enum WorkOrder {
     Blocks,
 }
 
-/// Choices that make shaders fast on one type of graphics adapter. They do not change results.
+/// Choices that make shaders fast on one type of graphics adapter. Only `coarse_filter` and `card_arithmetic` change results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Tuning {
     /// Number of steps of an eye ray after which lanes of a subgroup that have hit extinction no longer wait for the
     /// other lanes. Waiting lanes query the shadow map together. On llvmpipe, 4 is the best of 2, 4 and no limit; on an
-    /// H100, frames take 0.5 to 0.6 times as many clock cycles with 4 as with 1.
+    /// H100, frames of `dsm` take 0.5 to 0.6 times as many clock cycles with 4 as with 1 (`benches/NOTES.md`).
     pub eye_steps_together: u32,
-    /// The same for light rays that are marched cell by cell. On an H100, builds take 2 to 8 % more clock cycles with 4
-    /// than with 1.
+    /// Number of steps of a light ray, marched cell by cell, after which lanes that have hit extinction no longer wait. In
+    /// a lock-step model of 32 lanes, they are busy for 42 % of all steps with 4, and for 73 % with 1; on an H100 the
+    /// difference is within the noise.
     pub light_steps_together: u32,
     /// Whether the march of light rays loads the values of a cell before it knows whether the cell's brick is empty. A
     /// subgroup then waits for one texture read in each step instead of two; software adapters do not overlap reads.
@@ -133,7 +134,7 @@ impl Tuning {
         std::env::var(VARIABLE).map_or(Ok(self), |text| self.with(&text))
     }
 
-    /// Replaces choices by those of a text such as `card,steps=2,tables=uniform`, from left to right. `card` and
+    /// Replaces choices by those of a text such as `card,light_steps=2,tables=uniform`, from left to right. `card` and
     /// `software` replace all choices.
     ///
     /// # Errors
@@ -190,7 +191,7 @@ impl Tuning {
             (self.order == WorkOrder::Spread, "SPREAD_WORKGROUPS"),
             (self.early_loads, "EARLY_LOADS"),
             (self.workgroup_sums, "WORKGROUP_SUMS"),
-            (self.coarse_filter, "COARSE_FILTER"),
+            (self.coarse_filter, "COARSE_WEIGHTS"),
             (self.card_arithmetic, "CARD_ARITHMETIC"),
         ];
         defs.into_iter().filter_map(|(on, name)| on.then_some(name))

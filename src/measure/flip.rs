@@ -5,9 +5,11 @@
 use super::stats::same_size;
 use crate::error::Result;
 use crate::files::color::{linear_from_srgb, srgb8_from_linear};
+use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2, ArrayView3, Axis};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// Pixels a degree of visual angle: a display of 3840 pixels on 0.7 m, seen from 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
@@ -29,30 +31,32 @@ const XYZ: [[f64; 3]; 3] = [
     [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
 ];
 
-/// Picture as the model of the observer sees it, `height x width`.
-pub struct SeenPicture {
+/// XYZ to linear sRGB.
+static LINEAR_FROM_XYZ: LazyLock<DMat3> =
+    LazyLock::new(|| DMat3::from_cols_array_2d(&XYZ).transpose().inverse());
+
+/// Picture after the filters of the model of the observer, `height x width`.
+pub struct FilteredPicture {
     /// Filtered colours in CIE L*a*b* with the Hunt adjustment.
-    lab: Array2<[f64; 3]>,
+    lab: Array2<[f32; 3]>,
     /// Strengths of edges and of points.
-    features: Array2<[f64; 2]>,
+    features: Array2<[f32; 2]>,
 }
 
-impl SeenPicture {
+impl FilteredPicture {
     /// Filters a linear RGBA picture, `height x width x 4`, as it is displayed: sRGB of 8 bits.
     pub fn of(picture: ArrayView3<f32>) -> Self {
-        let linear = displayed(picture);
-        let opponent = linear.mapv(|rgb| opponent_from_xyz(xyz_from_linear(rgb)));
-        let channel = |c: usize| opponent.mapv(|color| color[c]);
-        let filtered: Vec<_> = SENSITIVITY
-            .iter()
-            .enumerate()
-            .map(|(c, gaussians)| filter_channel(&channel(c), gaussians))
-            .collect();
-        let lab = Array2::from_shape_fn(opponent.dim(), |at| {
-            let [y, cx, cz] = [0, 1, 2].map(|c| filtered[c][at]);
-            hunt_lab(linear_from_opponent([y, cx, cz]).map(|v| v.clamp(0.0, 1.0)))
+        let mut opponent = opponent_colors(picture);
+        let features = features(&opponent.mapv(|color| (f64::from(color[0]) + 16.0) / 116.0));
+        for (c, gaussians) in SENSITIVITY.iter().enumerate() {
+            let filtered = filter_channel(&opponent.mapv(|color| f64::from(color[c])), gaussians);
+            opponent.zip_mut_with(&filtered, |color, value| color[c] = *value as f32);
+        }
+        let lab = opponent.mapv(|color| {
+            let rgb = linear_from_opponent(color.map(f64::from)).map(|v| v.clamp(0.0, 1.0));
+            hunt_lab(rgb).map(|v| v as f32)
         });
-        Self { lab, features: features(&opponent.mapv(|color| (color[0] + 16.0) / 116.0)) }
+        Self { lab, features }
     }
 
     /// Returns the mean FLIP over the pixels: 0 for pictures that look the same, at most 1.
@@ -62,8 +66,11 @@ impl SeenPicture {
         let pixels = self.lab.iter().zip(&other.lab).zip(self.features.iter().zip(&other.features));
         let sum: f64 = pixels
             .map(|((a, b), (f, g))| {
-                let color = piecewise(color_distance(*a, *b).powf(COLOR_EXPONENT), largest);
-                let feature = (f[0] - g[0]).abs().max((f[1] - g[1]).abs()) / 2f64.sqrt();
+                let color = piecewise(
+                    color_distance(a.map(f64::from), b.map(f64::from)).powf(COLOR_EXPONENT),
+                    largest,
+                );
+                let feature = f64::from((f[0] - g[0]).abs().max((f[1] - g[1]).abs())) / 2f64.sqrt();
                 color.powf(1.0 - feature.clamp(0.0, 1.0).powf(FEATURE_EXPONENT))
             })
             .sum();
@@ -76,17 +83,18 @@ impl SeenPicture {
 ///
 /// # Errors
 /// The pictures are empty or differ in size.
-pub fn flip(picture: ArrayView3<f32>, reference: (ArrayView3<f32>, &SeenPicture)) -> Result<Option<f64>> {
+pub fn flip(picture: ArrayView3<f32>, reference: (ArrayView3<f32>, &FilteredPicture)) -> Result<Option<f64>> {
     same_size(&picture, &reference.0)?;
     let finite = picture.iter().chain(reference.0).all(|v| v.is_finite());
-    Ok(finite.then(|| SeenPicture::of(picture).mean_flip(reference.1)))
+    Ok(finite.then(|| FilteredPicture::of(picture).mean_flip(reference.1)))
 }
 
-/// Returns the linear RGB of a picture that a display of 8 bits shows.
-fn displayed(picture: ArrayView3<f32>) -> Array2<[f64; 3]> {
+/// Returns the colours in `YCxCz` of a picture that a display of 8 bits shows.
+fn opponent_colors(picture: ArrayView3<f32>) -> Array2<[f32; 3]> {
     let linear: Vec<f64> = (0..=255_u8).map(|code| linear_from_srgb(f64::from(code) / 255.0)).collect();
     picture.map_axis(Axis(2), |pixel| {
-        [0, 1, 2].map(|c| linear[usize::from(srgb8_from_linear(f64::from(pixel[c])))])
+        let rgb = [0, 1, 2].map(|c| linear[usize::from(srgb8_from_linear(f64::from(pixel[c])))]);
+        opponent_from_xyz(xyz_from_linear(rgb)).map(|v| v as f32)
     })
 }
 
@@ -110,8 +118,7 @@ fn linear_from_opponent([y, cx, cz]: [f64; 3]) -> [f64; 3] {
     let white = white();
     let y = (y + 16.0) / 116.0;
     let xyz = [white[0] * (y + cx / 500.0), white[1] * y, white[2] * (y - cz / 200.0)];
-    let inverse = glam::DMat3::from_cols_array_2d(&XYZ).transpose().inverse();
-    (inverse * glam::DVec3::from_array(xyz)).to_array()
+    (*LINEAR_FROM_XYZ * DVec3::from_array(xyz)).to_array()
 }
 
 /// Returns CIE L*a*b* of a linear colour, with chromaticity in proportion to lightness (Hunt).
@@ -161,7 +168,7 @@ fn filter_channel(channel: &Array2<f64>, gaussians: &[[f64; 2]]) -> Array2<f64> 
 
 /// Returns the strengths of edges and points of a picture's luminance: lengths of its filtered first and second
 /// derivatives.
-fn features(luminance: &Array2<f64>) -> Array2<[f64; 2]> {
+fn features(luminance: &Array2<f64>) -> Array2<[f32; 2]> {
     let deviation = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
     let radius = (3.0 * deviation).ceil() as i32;
     let gaussian = |x: i32| (-0.5 * (f64::from(x) / deviation).powi(2)).exp();
@@ -181,7 +188,7 @@ fn features(luminance: &Array2<f64>) -> Array2<[f64; 2]> {
     };
     let edges = strength(taps(&|x| -x));
     let points = strength(taps(&|x| (x / deviation).powi(2) - 1.0));
-    ndarray::Zip::from(&edges).and(&points).map_collect(|edge, point| [*edge, *point])
+    ndarray::Zip::from(&edges).and(&points).map_collect(|edge, point| [*edge as f32, *point as f32])
 }
 
 /// Convolves an image with a separable filter; pixels beyond the border repeat those on it.
@@ -214,7 +221,7 @@ mod tests {
     }
 
     fn mean(reference: &Array3<f32>, test: &Array3<f32>) -> f64 {
-        flip(test.view(), (reference.view(), &SeenPicture::of(reference.view()))).unwrap().unwrap()
+        flip(test.view(), (reference.view(), &FilteredPicture::of(reference.view()))).unwrap().unwrap()
     }
 
     /// Means of NVIDIA's `flip-evaluator` 1.7 (PyPI) of the same pictures, LDR, default settings.
@@ -249,10 +256,10 @@ mod tests {
     #[test]
     fn pictures_that_cannot_be_compared() {
         let black = picture(|_, _, _| 0);
-        let seen = SeenPicture::of(black.view());
-        assert!(flip(Array3::zeros((3, 3, 4)).view(), (black.view(), &seen)).is_err());
+        let filtered = FilteredPicture::of(black.view());
+        assert!(flip(Array3::zeros((3, 3, 4)).view(), (black.view(), &filtered)).is_err());
         let mut nan = black.clone();
         nan[[3, 3, 1]] = f32::NAN;
-        assert_eq!(flip(nan.view(), (black.view(), &seen)).unwrap(), None);
+        assert_eq!(flip(nan.view(), (black.view(), &filtered)).unwrap(), None);
     }
 }

@@ -158,16 +158,16 @@ impl<'a> Job<'a> {
     }
 
     /// Keeps a graphics card busy for a moment, and returns its clock rate meanwhile, MHz: `None` where the system reports
-    /// none. Returns at once on adapters without timestamps.
+    /// none. On adapters without timestamps it only reads the rate.
     ///
     /// # Errors
     /// The device is lost.
     pub fn keep_busy(&self) -> Result<Option<f64>> {
         let gpu = self.session.renderer.gpu();
-        if gpu.timestamp_period_ns.is_none() {
-            return Ok(None);
-        }
         let read = || gpu.clock_rate.as_ref().and_then(ClockRate::read_mhz);
+        if gpu.timestamp_period_ns.is_none() {
+            return Ok(read());
+        }
         self.filler.get_or_init(|| Filler::new(gpu)).keep_busy(gpu, read)
     }
 }

@@ -121,7 +121,9 @@ impl<'a> Reference<'a> {
             small.width, small.height
         ));
         if small.width.min(small.height) < SSIM_WINDOW as u32 {
-            notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
+            notes.push(format!(
+                "image_ssim is left out: its window of {SSIM_WINDOW} pixels is larger than the exact picture"
+            ));
         }
         let exact_picture = ExactPicture { scene: small, pixels, error };
         let strands = match job.strands.map(|strands| StrandReference::new(strands, job, &visible)) {
@@ -247,7 +249,9 @@ impl<'a> Reference<'a> {
                 row.set_point_errors(&stats);
             }
             let drawn = (&shadows[..], picture.pixels.view());
-            row.set_shadow_error(&self.shadow_references.measure(job, &self.visible, drawn)?);
+            if let Some(error) = self.shadow_references.measure(job, &self.visible, drawn, progress)? {
+                row.set_shadow_error(&error);
+            }
             notes.extend(self.shadow_references.note());
             let maps: Vec<&ShadowMap> = shadows.iter().collect();
             let random = self.random.of(&maps, |map, points| job.session.query(map, points))?;
@@ -290,6 +294,7 @@ impl<'a> Reference<'a> {
         if let Some(largest_ms) = largest_ms {
             let mut times = Vec::new();
             while times.len() < TRIAL_RUNS {
+                job.keep_busy()?;
                 times.push(job.timed(method)?);
                 let timing = Timing::of(&times)?;
                 [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.max));

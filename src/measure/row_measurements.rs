@@ -24,8 +24,8 @@ impl Row {
             [build.median, build.min, build.max].map(Some);
         [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
             [frame.median, frame.min, frame.max].map(Some);
-        [self.build_ms_lo, self.build_ms_hi] = ends(timing.build_interval_ms);
-        [self.frame_ms_lo, self.frame_ms_hi] = ends(timing.frame_interval_ms);
+        [self.build_ms_lo, self.build_ms_hi] = ends(timing.intervals_ms[0]);
+        [self.frame_ms_lo, self.frame_ms_hi] = ends(timing.intervals_ms[1]);
         self.clock = Some(timing.clock);
         [self.build_host_ms, self.frame_host_ms] = [timing.build_host_ms, timing.frame_host_ms].map(Some);
         [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
@@ -50,7 +50,7 @@ impl Row {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =
             [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
         self.point_err_mean_signed = Some(stats.mean);
-        [self.point_err_rms_lo, self.point_err_rms_hi] = stats.rms_interval.map(Some);
+        [self.point_err_rms_lo, self.point_err_rms_hi] = ends(stats.rms_interval);
     }
 
     /// Sets the comparison table columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
@@ -58,7 +58,8 @@ impl Row {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
     }
 
-    /// Sets the comparison table columns `shadow_*` and `flip`, the errors of the rendered picture that are the shadows'.
+    /// Sets the comparison table columns `shadow_*` and `flip`, the errors of the rendered picture that the shadows
+    /// alone cause.
     pub(super) fn set_shadow_error(&mut self, error: &ShadowError) {
         [self.shadow_rmse, self.shadow_psnr] = [error.image.rmse, error.image.psnr_db].map(Some);
         [self.shadow_ssim, self.flip] = [error.ssim, error.flip];

@@ -79,8 +79,9 @@ pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Op
     sorted.last().map(|&(value, _)| value)
 }
 
-/// Number of samples of the bootstrap, largest number of groups of points, and seed.
+/// Number of samples of the bootstrap, fewest points, largest number of groups of points, and seed.
 const BOOTSTRAP_SAMPLES: usize = 1000;
+const FEWEST_POINTS: usize = 30;
 const BOOTSTRAP_GROUPS: usize = 500;
 const BOOTSTRAP_SEED: u64 = 17;
 
@@ -96,8 +97,8 @@ pub struct ErrorStats {
     pub max_abs: f64,
     /// Weighted root mean square of the transmittance errors `e`: `sqrt(sum w e^2 / sum w)`.
     pub rms: f64,
-    /// Ends of the 95 % interval of `rms` by a bootstrap over the points.
-    pub rms_interval: [f64; 2],
+    /// Ends of the 95 % interval of `rms` by a bootstrap over the points; `None` for fewer than 30 points.
+    pub rms_interval: Option<[f64; 2]>,
     /// 99th percentile of the absolute transmittance errors, weighted as the points are; see [`weighted_percentile`].
     pub p99_abs: f64,
     /// Weighted mean of the transmittance errors with sign, `sum w e / sum w`. Negative where the shadow method is
@@ -153,7 +154,10 @@ impl ErrorStats {
 /// Returns the ends of the 95 % interval of a weighted root mean square of `(error, weight)`, by a percentile bootstrap (Efron
 /// 1979). Points are resampled in [`BOOTSTRAP_GROUPS`] groups, each spread over all points, and alike for all rows that share
 /// their points.
-fn rms_interval(errors: &[(f64, f64)]) -> [f64; 2] {
+fn rms_interval(errors: &[(f64, f64)]) -> Option<[f64; 2]> {
+    if errors.len() < FEWEST_POINTS {
+        return None;
+    }
     let mut groups = vec![[0.0; 2]; errors.len().min(BOOTSTRAP_GROUPS)];
     let count = groups.len();
     for (i, (error, weight)) in errors.iter().enumerate() {
@@ -171,7 +175,7 @@ fn rms_interval(errors: &[(f64, f64)]) -> [f64; 2] {
         .collect();
     resampled.sort_by(f64::total_cmp);
     let tail = BOOTSTRAP_SAMPLES / 40;
-    [resampled[tail], resampled[BOOTSTRAP_SAMPLES - 1 - tail]]
+    Some([resampled[tail], resampled[BOOTSTRAP_SAMPLES - 1 - tail]])
 }
 
 /// Difference between two pictures in linear RGBA: rms, peak signal-to-noise ratio and maximum.
@@ -337,12 +341,13 @@ mod tests {
         };
         let all = sample(0, 2_000_000).rms;
         let covered = (1..=300).filter(|index| {
-            let [low, high] = sample(*index, 3000).rms_interval;
+            let [low, high] = sample(*index, 3000).rms_interval.unwrap();
             (low..=high).contains(&all)
         });
         let share = covered.count() as f64 / 300.0;
         assert!((0.9..=0.98).contains(&share), "{share}");
-        assert_eq!(ErrorStats::of([(0.5, 1.0), (-0.5, 2.0)]).unwrap().unwrap().rms_interval, [0.5; 2]);
+        let of = |count: usize| ErrorStats::of(vec![(-0.5, 2.0); count]).unwrap().unwrap().rms_interval;
+        assert_eq!([of(29), of(30)], [None, Some([0.5; 2])]);
     }
 
     #[test]

@@ -110,7 +110,7 @@ columns! {
     /// visibility.
     point_err_rms [""]: Option<f64>,
     /// Lower end of the 95 % interval of `point_err_rms` by a bootstrap over the points. All rows of a scene resample the
-    /// points alike.
+    /// points alike. Empty with fewer than 30 points.
     point_err_rms_lo [""]: Option<f64>,
     /// Upper end of the 95 % interval of `point_err_rms`.
     point_err_rms_hi [""]: Option<f64>,
@@ -133,7 +133,7 @@ columns! {
     /// Both have about 1,500 pixels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
     /// Root mean square difference between the method's picture and one by shadow rays with the same integration along eye
-    /// rays, over all channels of linear RGBA, at full size: the error of the shadows alone.
+    /// rays, over all channels of linear RGBA, at full size: the error that the shadows alone cause.
     shadow_rmse [""]: Option<f64>,
     /// Peak signal-to-noise ratio of the method's picture against that by shadow rays, for a peak of 1; infinite for
     /// identical pictures.

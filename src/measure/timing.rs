@@ -71,10 +71,8 @@ pub struct Timing {
     pub build_ms: Spread,
     /// Time to render one picture from a finished shadow map, over all repeated runs, ms.
     pub frame_ms: Spread,
-    /// Ends of the 95 % interval of the median of `build_ms`; `None` with fewer than six runs.
-    pub build_interval_ms: Option<[f64; 2]>,
-    /// Ends of the 95 % interval of the median of `frame_ms`; `None` with fewer than six runs.
-    pub frame_interval_ms: Option<[f64; 2]>,
+    /// Ends of the 95 % intervals of the medians of `build_ms` and `frame_ms`; `None` with fewer than six runs.
+    pub intervals_ms: [Option<[f64; 2]>; 2],
     /// Clock (GPU timestamps or the host's clock) that measured the shadow map build time and the frame time.
     pub clock: Clock,
     /// Median time to compute the transfer function's tables and to classify the volume's bricks, ms.
@@ -91,7 +89,7 @@ pub struct Timing {
     pub frame_gpu_ms: Option<f64>,
     /// Median time to render one picture by the host's clock, ms.
     pub frame_wall_ms: f64,
-    /// Median clock rate of the graphics card after the runs, MHz; `None` where the system reports none.
+    /// Median clock rate of the graphics card before the runs, while it is kept busy, MHz; `None` where the system reports none.
     pub gpu_mhz: Option<f64>,
     /// Number of timed runs whose device times did not agree with those of the run before.
     pub unsteady: usize,
@@ -120,8 +118,7 @@ impl Timing {
         Ok(Self {
             build_ms: Spread::of(&build).ok_or_else(none)?,
             frame_ms: Spread::of(&frame).ok_or_else(none)?,
-            build_interval_ms: median_interval(&build),
-            frame_interval_ms: median_interval(&frame),
+            intervals_ms: [median_interval(&build), median_interval(&frame)],
             clock,
             tables_ms: median(&|t| t.tables_ms),
             build_host_ms: median(&|t| Some(t.build_host_ms)).ok_or_else(none)?,
@@ -402,22 +399,20 @@ mod tests {
         };
         let mut all: Vec<_> = vec![turns('A', 1, 2), turns('B', 1, 2), turns('C', 1, 2)];
         let mut rounds = Vec::new();
-        let fillings = Cell::new(0);
-        let keep_busy = || {
-            fillings.set(fillings.get() + 1);
-            Ok(Some(1980.0))
-        };
-        interleave(&mut all, &keep_busy, &mut |event| {
-            if let Event::Round(read) = event {
-                rounds.push(read.iter().map(|(i, _)| *i).collect::<Vec<_>>());
-            }
+        let fillings = Cell::new(0.0);
+        let keep_busy = || Ok(Some(fillings.replace(fillings.get() + 1.0)));
+        let mut tell = |event: Event| {
+            let Event::Round(read) = event else { return Ok(()) };
+            rounds.push(read.iter().map(|(i, _)| *i).collect::<Vec<_>>());
             Ok(())
-        })
-        .unwrap();
+        };
+        let read = interleave(&mut all, &keep_busy, &mut tell).unwrap();
         assert_eq!(rounds, [[0, 1, 2], [0, 1, 2]], "after the warm-up");
         assert_eq!(order.take(), "ABCABCABC");
-        assert_eq!(fillings.get(), 6, "before each run that counts");
-        // Actions with fewer runs take them in the first rounds.
+        let mhz = |turns: usize| {
+            read[turns].as_ref().unwrap().iter().map(|t| t.gpu_mhz.unwrap()).collect::<Vec<_>>()
+        };
+        assert_eq!([0, 1, 2].map(mhz), [[0.0, 3.0], [1.0, 4.0], [2.0, 5.0]]);
         quietly(&mut [turns('A', 0, 1), turns('B', 1, 3), turns('C', 1, 2)]);
         assert_eq!(order.take(), "BCABCBCB");
     }

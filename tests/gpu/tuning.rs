@@ -17,10 +17,10 @@ fn tuned(tuning: Tuning) -> Option<Arc<Renderer>> {
     Some(Arc::new(Renderer::new(gpu)))
 }
 
-/// Renderer of a software adapter with the arithmetic and the shaders of graphics cards; `None` on cards, whose own
-/// arithmetic the other tests meet.
+/// Renderer with the arithmetic and the shaders of graphics cards, which a software adapter imitates.
 fn with_card_arithmetic() -> Option<Arc<Renderer>> {
-    renderer()?.gpu().is_software().then(|| tuned(Tuning { card_arithmetic: true, ..Tuning::CARD }))?
+    let card_arithmetic = renderer()?.gpu().is_software();
+    tuned(Tuning { card_arithmetic, ..Tuning::CARD })
 }
 
 /// Methods, each with the largest difference of pictures. An atlas that is filtered stores its tiles in another order,
@@ -85,8 +85,11 @@ fn cards_and_software_adapters_draw_the_same_pictures() {
 fn a_device_is_kept_busy_while_the_host_works() {
     let Some(renderer) = renderer() else { return };
     let filler = Filler::new(renderer.gpu());
-    for n in 0..3 {
-        assert_eq!(filler.keep_busy(renderer.gpu(), || n).unwrap(), n);
+    for host_ms in [0, 60] {
+        let start = std::time::Instant::now();
+        let host = || std::thread::sleep(std::time::Duration::from_millis(host_ms));
+        filler.keep_busy(renderer.gpu(), host).unwrap();
+        assert!(start.elapsed().as_millis() >= u128::from(host_ms.max(20)));
     }
 }
 
@@ -142,7 +145,10 @@ fn divergence_is_a_share_with_several_lights_and_with_resumed_rays() {
 #[test]
 fn opaque_surfaces_are_met_with_the_filter_of_a_card() {
     let Some(renderer) = with_card_arithmetic() else { return };
-    for volume in ["thorax:64", "sphere"].map(|name| Some(phantom(name))).into_iter().chain([scan("engine")])
+    for volume in ["thorax:64", "sphere", "shell:40", "comb:32"]
+        .map(|name| Some(phantom(name)))
+        .into_iter()
+        .chain([scan("engine")])
     {
         let Some(volume) = volume else { continue };
         let tf = presets::resolve("isosurface", &volume).unwrap().tf;

@@ -280,7 +280,9 @@ fn shaders_for_cards_need_few_registers() {
     for (name, s) in &found {
         let most = match name.as_str() {
             "dsm build" => 96,
-            "dsm:compress=optimal build" | "rays raycast" => 128,
+            // Its corners were faster in registers and local memory than in workgroup memory, on an H100.
+            "dsm:compress=optimal build" => 192,
+            "rays raycast" => 128,
             _ => u64::MAX,
         };
         assert!(s.registers <= most && s.scratch == 0, "{name}: {s:?}, at most {most} registers");

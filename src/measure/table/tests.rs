@@ -25,8 +25,7 @@ pub(crate) fn sample_rows() -> Vec<Row> {
         let timing = Timing {
             build_ms: spread(build),
             frame_ms: spread(frame),
-            build_interval_ms: None,
-            frame_interval_ms: None,
+            intervals_ms: [None; 2],
             clock: Clock::Wall,
             tables_ms: None,
             build_host_ms: 0.5 * build,

@@ -27,8 +27,7 @@ impl Cost {
         }
     }
 
-    /// Median cost of a comparison-table row, time in ms or memory in MiB, and the ends of its 95 % interval, or the extremes
-    /// if the row has too few repeats. Returns `None` if
+    /// Median, smallest and largest cost of a comparison-table row: time in ms or memory in MiB. Returns `None` if
     /// the cost is unknown or not positive.
     pub fn of(self, row: &Row) -> Option<[f64; 3]> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -39,7 +38,6 @@ impl Cost {
         let extreme = |build: Option<f64>, frame: Option<f64>| {
             frame.map(|f| f + build.unwrap_or(0.0)).filter(|ms| positive(*ms)).unwrap_or(ms)
         };
-        let low = extreme(row.build_ms_lo.or(row.build_ms_min), row.frame_ms_lo.or(row.frame_ms_min));
-        Some([ms, low, extreme(row.build_ms_hi.or(row.build_ms_max), row.frame_ms_hi.or(row.frame_ms_max))])
+        Some([ms, extreme(row.build_ms_min, row.frame_ms_min), extreme(row.build_ms_max, row.frame_ms_max)])
     }
 }

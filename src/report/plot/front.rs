@@ -7,7 +7,7 @@ pub struct Datum {
     /// Index of the plot point's shadow method in the list of plotted methods.
     pub family: usize,
     pub label: String,
-    /// Cost of a comparison-table row in the plot, time in ms or memory in MiB, and the ends of its error bar.
+    /// Median, smallest and largest cost of a comparison-table row in the plot: time in ms or memory in MiB.
     pub cost: [f64; 3],
     pub error: f64,
     /// Ends of the interval of the error; equal to the error where it has none.
