@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 /// loops of a shader invocation after 65,536 iterations in all, without an error. Like the next two limits, this one
 /// applies on every adapter, so that pictures do not depend on the adapter.
 pub const MAX_LIGHT_SAMPLES: u32 = 8192;
+/// Largest number of regular samples along a shadow ray. One dispatch casts up to eight of them for a pixel, and a sample
+/// takes about 3 loop iterations.
+pub const MAX_RAY_SAMPLES: u32 = 2048;
 /// Largest number of equal depth steps, summed over all light rays through one texel of a deep shadow map. A step
 /// takes about 6 loop iterations.
 pub const MAX_LATTICE_STEPS: u32 = 4096;

@@ -273,11 +273,11 @@ impl Lit<'_> {
             default_depth_mm: DEFAULT_DEPTH * self.case.volume.min_spacing_mm(),
             nodes_mm: &[],
         };
-        let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) {
-            RAYS_RISE
-        } else {
-            let rounding = shadow.light_space.rounding(&self.case.volume, false);
-            MAP_RISE + rounding.texels
+        let rise = match &shadow.lookup {
+            Some(lookup) if lookup.marches_cells() => RAYS_RISE,
+            // The samples of each shadow ray begin at its own point, so that transmittance is not monotone.
+            Some(lookup) if lookup.marches() => f64::INFINITY,
+            _ => MAP_RISE + shadow.light_space.rounding(&self.case.volume, false).texels,
         };
         let (mut check, mut rays) = (BoundReport::default(), Sanity::default());
         let [near, far] = [self.case.volume.corners_mm()[0], self.case.volume.corners_mm()[7]];

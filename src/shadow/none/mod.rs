@@ -6,6 +6,7 @@ use super::settings::Value;
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, LightSpace, MapShape, March};
+use crate::gpu::tuning::MAX_RAY_SAMPLES;
 
 /// Shadow method without shadows: the full light reaches every point.
 #[derive(Debug, Clone, Copy)]
@@ -50,7 +51,11 @@ pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace
 
 /// Returns the shadow data of a method without a map: the light space and the transmittance query only.
 pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>, march: March) -> ShadowMap {
-    let light_space = test_space(context, march);
+    let mut light_space = test_space(context, march);
+    if light_space.step_mm > 0.0 {
+        light_space.step_mm =
+            light_space.step_mm.max(light_space.depth_range_mm() / f64::from(MAX_RAY_SAMPLES));
+    }
     let light = context.light_uniform(&light_space);
     ShadowMap {
         method: method.name(),
