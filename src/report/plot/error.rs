@@ -63,7 +63,12 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     };
     let axes = |y_title| [cost.axis_title(), y_title];
     let [left, right] = PANELS;
-    let points = axes("rms transmittance error (point_err_rms)");
+    let has_intervals = rows.iter().any(|r| r.point_err_rms_lo.is_some());
+    let points = axes(if has_intervals {
+        "rms transmittance error (point_err_rms), 95 % interval"
+    } else {
+        "rms transmittance error (point_err_rms)"
+    });
     let of_points = data(|r| {
         let rms = r.point_err_rms?;
         Some([rms, r.point_err_rms_lo.unwrap_or(rms), r.point_err_rms_hi.unwrap_or(rms)])
@@ -71,7 +76,7 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     panel(&mut drawing, left, "At points the camera sees", points, &of_points, &families);
     let rays = axes("largest transmittance error (ray_err_max)");
     panel(&mut drawing, right, "Along light rays", rays, &data(|r| Some([r.ray_err_max?; 3])), &families);
-    legend(&mut drawing, &families, bars(rows, cost));
+    legend(&mut drawing, &families, cost);
     drawing
 }
 
@@ -160,18 +165,6 @@ fn panel(
     }
 }
 
-/// Returns the meaning of the error bars; `None` if there are none.
-fn bars(rows: &[Row], cost: Cost) -> Option<&'static str> {
-    let has_extremes = cost == Cost::Time && rows.iter().any(|r| r.frame_ms.is_some());
-    let has_intervals = rows.iter().any(|r| r.point_err_rms_lo.is_some());
-    match (has_extremes, has_intervals) {
-        (true, true) => Some("time: fastest to slowest repeat; error: 95 % interval"),
-        (true, false) => Some("fastest to slowest repeat"),
-        (false, true) => Some("95 % interval"),
-        (false, false) => None,
-    }
-}
-
 /// Draws an error bar with a cap at both ends in a plot of error against cost.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
@@ -218,14 +211,15 @@ fn labels(
 }
 
 /// Draws the legend below the plots: the shadow methods, the dashed Pareto front and the error bars.
-fn legend(drawing: &mut Drawing, families: &[Family], bars: Option<&str>) {
+fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     const FRONT: &str = "Pareto front";
+    const REPEATS: &str = "fastest to slowest repeat";
     const SPACE: f64 = 30.0;
     const BAR: f64 = 36.0;
     let entry = |name: &str, symbol: f64| symbol + 8.0 + text_width(name, TEXT) + SPACE;
     let methods: f64 = families.iter().map(|f| entry(&f.name, 12.0)).sum();
-    let bar = bars.map_or(0.0, |name| entry(name, BAR));
-    let total = methods + entry(FRONT, BAR) + bar - SPACE;
+    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
+    let total = methods + entry(FRONT, BAR) + repeats - SPACE;
     let (mut left, y) = (0.5 * (WIDTH - total), HEIGHT - 28.0);
     let mut named = |drawing: &mut Drawing, name: &str, symbol: f64| {
         drawing.text(Point(left + symbol + 8.0, y), Anchor::Start, TEXT, BLACK, name);
@@ -238,8 +232,10 @@ fn legend(drawing: &mut Drawing, families: &[Family], bars: Option<&str>) {
     }
     let left = named(drawing, FRONT, BAR);
     drawing.dashed(&[Point(left, y), Point(left + BAR, y)], 1.3, GREY, DASHES);
-    let Some(name) = bars else { return };
-    let left = named(drawing, name, BAR);
+    if cost != Cost::Time {
+        return;
+    }
+    let left = named(drawing, REPEATS, BAR);
     whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
 
@@ -302,16 +298,15 @@ mod tests {
     }
 
     #[test]
-    fn the_legend_says_what_error_bars_are() {
+    fn intervals_of_errors_are_drawn_and_named() {
         let mut rows = sample_rows();
-        assert!(error_time(&rows).contains(">fastest to slowest repeat<"));
-        let plain = error_time(&rows).matches("<line").count() + error_time(&rows).matches("<poly").count();
+        let lines = |svg: &str| svg.matches("<line").count() + svg.matches("<poly").count();
+        let plain = error_time(&rows);
         rows[2].point_err_rms_lo = Some(0.008);
         rows[2].point_err_rms_hi = Some(0.013);
-        let svg = error_time(&rows);
-        assert!(svg.contains("error: 95 % interval"));
-        assert!(svg.matches("<line").count() + svg.matches("<poly").count() > plain, "one more bar");
-        assert!(super::figure(&rows, Cost::Memory).svg(None).into_string().contains(">95 % interval<"));
+        let with = error_time(&rows);
+        assert!(lines(&with) > lines(&plain), "one more bar");
+        assert_eq!([&plain, &with].map(|svg| svg.contains("95 % interval")), [false, true]);
     }
 
     #[test]
