@@ -210,33 +210,34 @@ fn labels(
     }
 }
 
-/// Draws the legend below the plots: the shadow methods, the dashed Pareto front and the error bars.
+/// Draws the legend below the plots: a row of shadow methods, and one of the dashed Pareto front and the error bars.
 fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     const FRONT: &str = "Pareto front";
     const REPEATS: &str = "fastest to slowest repeat";
     const SPACE: f64 = 30.0;
     const BAR: f64 = 36.0;
     let entry = |name: &str, symbol: f64| symbol + 8.0 + text_width(name, TEXT) + SPACE;
-    let methods: f64 = families.iter().map(|f| entry(&f.name, 12.0)).sum();
-    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
-    let total = methods + entry(FRONT, BAR) + repeats - SPACE;
-    let (mut left, y) = (0.5 * (WIDTH - total), HEIGHT - 28.0);
-    let mut named = |drawing: &mut Drawing, name: &str, symbol: f64| {
-        drawing.text(Point(left + symbol + 8.0, y), Anchor::Start, TEXT, BLACK, name);
-        left += entry(name, symbol);
-        left - entry(name, symbol)
+    // Draws the text of an entry, and returns the left edge of its symbol.
+    let named = |drawing: &mut Drawing, at: &mut Point, name: &str, symbol: f64| {
+        let left = at.0;
+        drawing.text(Point(left + symbol + 8.0, at.1), Anchor::Start, TEXT, BLACK, name);
+        at.0 += entry(name, symbol);
+        left
     };
+    let centered = |width: f64, y: f64| Point(0.5 * (WIDTH - width + SPACE), y);
+    let mut at = centered(families.iter().map(|f| entry(&f.name, 12.0)).sum(), HEIGHT - 42.0);
     for f in families {
-        let left = named(drawing, &f.name, 12.0);
-        marker(drawing, Point(left + 6.0, y), f.marker, f.color);
+        let left = named(drawing, &mut at, &f.name, 12.0);
+        marker(drawing, Point(left + 6.0, at.1), f.marker, f.color);
     }
-    let left = named(drawing, FRONT, BAR);
-    drawing.dashed(&[Point(left, y), Point(left + BAR, y)], 1.3, GREY, DASHES);
-    if cost != Cost::Time {
-        return;
+    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
+    let mut at = centered(entry(FRONT, BAR) + repeats, HEIGHT - 18.0);
+    let left = named(drawing, &mut at, FRONT, BAR);
+    drawing.dashed(&[Point(left, at.1), Point(left + BAR, at.1)], 1.3, GREY, DASHES);
+    if cost == Cost::Time {
+        let left = named(drawing, &mut at, REPEATS, BAR);
+        whisker(drawing, Rect { left, top: at.1 - 3.0, right: left + BAR, bottom: at.1 + 3.0 }, INK);
     }
-    let left = named(drawing, REPEATS, BAR);
-    whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
 
 /// Joins the distinct values of one text column of the comparison table, in order of appearance.
