@@ -2,7 +2,7 @@
 //! ran at 345 MHz instead of 1980 when timed passes kept it busy for 5 to 25 % of the time, and times were 4 times as long.
 
 use super::Gpu;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -68,14 +68,16 @@ impl Filler {
     /// result of `meanwhile`.
     ///
     /// # Errors
-    /// The device is lost.
+    /// The device is lost, or the host cannot start a thread.
     ///
     /// # Panics
     /// `meanwhile` panics.
     pub fn keep_busy<T: Send>(&self, gpu: &Gpu, meanwhile: impl FnOnce() -> T + Send) -> Result<T> {
         let start = Instant::now();
         std::thread::scope(|scope| {
-            let host = scope.spawn(meanwhile);
+            let host = std::thread::Builder::new()
+                .spawn_scoped(scope, meanwhile)
+                .map_err(|e| Error::runtime("cannot time", "a thread of the host", e))?;
             while start.elapsed() < SHORTEST || !host.is_finished() {
                 self.run(gpu)?;
             }

@@ -197,17 +197,17 @@ fn convolve(image: &Array2<f64>, along_x: &[f64], along_y: &[f64]) -> Array2<f64
 }
 
 fn convolve_rows(image: ArrayView2<f64>, taps: &[f64]) -> Array2<f64> {
-    let (radius, last) = (taps.len() / 2, image.ncols() - 1);
-    let convolved: Vec<f64> = (0..image.nrows())
-        .into_par_iter()
-        .flat_map_iter(|y| {
-            let row = image.row(y).to_vec();
+    let mut convolved = Array2::zeros(image.dim());
+    let radius = taps.len() / 2;
+    let rows: Vec<_> = convolved.outer_iter_mut().zip(image.outer_iter()).collect();
+    rows.into_par_iter().for_each(|(mut convolved, row)| {
+        for (x, value) in convolved.iter_mut().enumerate() {
             // Taps run backwards in a convolution.
-            let pixel = move |x: usize, i: usize| row[(x + radius).saturating_sub(i).min(last)];
-            (0..=last).map(move |x| taps.iter().enumerate().map(|(i, tap)| tap * pixel(x, i)).sum())
-        })
-        .collect();
-    Array2::from_shape_vec(image.dim(), convolved).expect("one value a pixel")
+            let pixel = |i: usize| row[(x + radius).saturating_sub(i).min(row.len() - 1)];
+            *value = taps.iter().enumerate().map(|(i, tap)| tap * pixel(i)).sum();
+        }
+    });
+    convolved
 }
 
 #[cfg(test)]
