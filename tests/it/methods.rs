@@ -19,7 +19,7 @@ const ACCEPTED: &[(&str, &[&str])] = &[
             "layers=512 slicing=gamma",
         ],
     ),
-    ("osm:kernel=3,bits=8,filter=nearest,map=64", &["layers=32 kernel=3 bits=8 filter=nearest"]),
+    ("osm:kernel=3,bits=16,filter=nearest,map=64", &["layers=32 kernel=3 bits=16 filter=nearest"]),
     ("dom", &["layers=15"]),
     (
         "dom:layers=3,7,beyond=extend,ignore,cover",
@@ -55,8 +55,8 @@ const ACCEPTED: &[(&str, &[&str])] = &[
     ),
     ("bom:ratio=0,0.25", &["layers=15 ratio=0", "layers=15 ratio=0.25"]),
     (
-        "bom:split=auto,measure=difference,depth_bits=32,bits=8,filter=nearest",
-        &["layers=15 split=auto measure=difference depth_bits=32 bits=8 filter=nearest"],
+        "bom:split=auto,measure=difference,depth_bits=32,bits=16,filter=nearest",
+        &["layers=15 split=auto measure=difference depth_bits=32 bits=16 filter=nearest"],
     ),
     ("clusters", &["clusters=4"]),
     (
@@ -70,7 +70,7 @@ const ACCEPTED: &[(&str, &[&str])] = &[
     ),
     ("fourier:range=texel", &["terms=7 range=texel"]),
     ("avsm", &["nodes=8"]),
-    ("avsm:nodes=4,16,bits=16,map=64", &["nodes=4 bits=16", "nodes=16 bits=16"]),
+    ("avsm:nodes=4,16,bits=32,map=64", &["nodes=4 bits=32", "nodes=16 bits=32"]),
     ("moments", &["moments=6"]),
     (
         "moments:moments=4,8,basis=trigonometric,beta=0.5,map=64",

@@ -338,7 +338,7 @@ mod tests {
         assert_eq!(over("dsm:epsilon=0.1,map=64", "epsilon-0").unwrap(), "dsm:epsilon=0,map=64");
         assert_eq!(over("osm:map=64", "epsilon-0"), None);
         assert_eq!(over("rays", "map-1"), None);
-        assert_eq!(over("osm:layers=4", "bits-8").unwrap(), "osm:layers=4,bits=8");
+        assert_eq!(over("osm:layers=4", "bits-16").unwrap(), "osm:layers=4,bits=16");
         assert_eq!(over("rays", "step-too-long").unwrap(), "rays:march=samples,step=8");
         assert_eq!(
             over("dsm", "step-too-long").unwrap(),

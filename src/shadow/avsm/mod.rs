@@ -4,7 +4,7 @@
 //! the transmittance curve of its light ray. If there are more, the inner node is removed that changes the area under
 //! the curve least; its neighbours stay. Memory is bounded and the error is not, in contrast to `dsm`.
 //!
-//! With enough nodes of 32 bits, the stored curve is within 0.0029 of the exact transmittance.
+//! With enough nodes of 32 bits (`bits=32`), the stored curve is within 0.0029 of the exact transmittance.
 //!
 //! Deviations from the paper, and why:
 //! * Segments of the light ray arrive in the order of the march, and are appended; the paper inserts rasterised
@@ -31,7 +31,7 @@ settings! {
         /// of Salvi et al. 2010).
         nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "number of nodes of a texel's transmittance curve").in_label().search_all(),
         /// Number of bits of each stored depth and transmittance in an adaptive volumetric shadow map: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "bits of a node's depth and transmittance (floats)").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "16", "bits of a node's depth and transmittance (floats)").search_all(),
         ..MapSettings,
         /// Whether the four texels around a point are aligned at their first depths before they are averaged.
         align: Align = ALIGN_KEY,

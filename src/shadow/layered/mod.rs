@@ -55,7 +55,7 @@ const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
 pub(super) const LAYERS: [u32; 2] = [1, 512];
 pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
-    "16",
+    "8",
     "bits of a stored optical depth: 8 (share of kappa), 16 or 32 (floats)",
 )
 .search_all();
@@ -78,7 +78,7 @@ choices! {
 
 pub(super) const AVERAGE_KEY: Key = Key::choice(
     Average::NAMES,
-    "depth",
+    "transmittance",
     "quantity that filters average: optical depth (as in the papers), or transmittance",
 )
 .search_all();
