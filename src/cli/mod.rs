@@ -1,5 +1,6 @@
 //! Command line of `umbravox`, with one source file for each command.
 
+pub mod benchmark;
 pub mod claims;
 pub mod compare;
 mod console;
@@ -48,6 +49,7 @@ enum Command {
     Compare(Box<compare::CompareArgs>),
     Convert(convert::ConvertArgs),
     Merge(merge::MergeArgs),
+    Benchmark(benchmark::BenchmarkArgs),
     Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
@@ -99,6 +101,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Compare(args) => compare::run(*args),
         Command::Convert(args) => convert::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Benchmark(args) => benchmark::run(&args),
         Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),

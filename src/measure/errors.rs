@@ -102,7 +102,10 @@ impl VisiblePoints {
 
     /// Returns the transmittance error `T_method - T_exact` at each point visible to the camera, with the point's
     /// weight.
-    fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
         let values = session.query(shadow, &self.points_mm)?;
         let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
         Ok(values.iter().zip(&self.exact).map(error).zip(self.weights.iter().copied()).collect())

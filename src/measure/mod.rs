@@ -55,6 +55,7 @@ mod rounds;
 mod row_measurements;
 mod shadow_error;
 pub mod similarity;
+pub mod small_scene;
 pub mod stats;
 mod strand_errors;
 pub mod table;

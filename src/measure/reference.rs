@@ -15,6 +15,7 @@ use super::point_report::PointReport;
 use super::progress::{Progress, Step, StepKind};
 use super::shadow_error::ShadowReferences;
 use super::similarity::{SSIM_WINDOW, ssim};
+use super::small_scene::small_scene;
 use super::stats::{Spread, image_error};
 use super::strand_errors::StrandReference;
 use super::table::Row;
@@ -29,9 +30,7 @@ use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Approximate number of pixels in the exact reference picture. The error of this picture is estimated at
-/// `EXACT_PIXELS_CHECKED` of them.
-const EXACT_PIXELS: f64 = 48.0 * 32.0;
+/// Number of pixels of the exact reference picture at which its own error is estimated.
 const EXACT_PIXELS_CHECKED: usize = 64;
 /// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
 /// units of the smallest voxel spacing.
@@ -408,31 +407,5 @@ impl<'a> Reference<'a> {
             )
         });
         Ok((report, note))
-    }
-}
-
-/// Returns the scene reduced to about [`EXACT_PIXELS`] pixels with the same aspect ratio. Smaller scenes stay
-/// unchanged.
-fn small_scene(scene: &Scene) -> Scene {
-    let (width, height) = (f64::from(scene.width), f64::from(scene.height));
-    let scale = (EXACT_PIXELS / (width * height)).sqrt().min(1.0);
-    let scaled = |n: f64| (n * scale).round().max(1.0) as u32;
-    Scene { width: scaled(width), height: scaled(height), ..scene.clone() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::phantom::Phantom;
-
-    #[test]
-    fn the_exact_picture_has_the_shape_of_the_picture() {
-        let scene = Scene::framing(&Phantom::Slab.build(8).unwrap());
-        for (size, small) in
-            [((512, 512), (39, 39)), ((1920, 1280), (48, 32)), ((20, 30), (20, 30)), ((9000, 1), (3718, 1))]
-        {
-            let scene = small_scene(&Scene { width: size.0, height: size.1, ..scene.clone() });
-            assert_eq!((scene.width, scene.height), small);
-        }
     }
 }

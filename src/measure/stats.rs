@@ -164,18 +164,42 @@ fn rms_interval(errors: &[(f64, f64)]) -> Option<[f64; 2]> {
         let group = &mut groups[i % count];
         *group = [group[0] + weight * error * error, group[1] + weight];
     }
+    Some(bootstrap(&groups, |[squares, weight]| (squares / weight).sqrt()))
+}
+
+/// Returns the ends of the 95 % interval of the difference of two weighted root mean squares, `rms(a) - rms(b)`, for errors
+/// `(error, weight)` at the same points, by a paired percentile bootstrap with the groups of [`rms_interval`]. `None` for
+/// fewer than 30 points.
+pub fn rms_difference_interval(a: &[(f64, f64)], b: &[(f64, f64)]) -> Option<[f64; 2]> {
+    if a.len() < FEWEST_POINTS || a.len() != b.len() {
+        return None;
+    }
+    let mut groups = vec![[0.0; 3]; a.len().min(BOOTSTRAP_GROUPS)];
+    let count = groups.len();
+    for (i, ((first, weight), (second, _))) in a.iter().zip(b).enumerate() {
+        let [squares, others, weights] = groups[i % count];
+        groups[i % count] =
+            [squares + weight * first * first, others + weight * second * second, weights + weight];
+    }
+    Some(bootstrap(&groups, |[first, second, weight]| (first / weight).sqrt() - (second / weight).sqrt()))
+}
+
+/// Returns the ends of the 95 % interval of a function of the sums of groups, by a percentile bootstrap over the groups.
+fn bootstrap<const N: usize>(groups: &[[f64; N]], of_sums: impl Fn([f64; N]) -> f64) -> [f64; 2] {
     let mut chance = Chance::new(BOOTSTRAP_SEED, 0);
     let mut resampled: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
         .map(|_| {
-            let [squares, weight] = (0..count)
-                .map(|_| groups[chance.below(count)])
-                .fold([0.0; 2], |sum, group| [sum[0] + group[0], sum[1] + group[1]]);
-            (squares / weight).sqrt()
+            let mut sums = [0.0; N];
+            for _ in 0..groups.len() {
+                let group = groups[chance.below(groups.len())];
+                sums.iter_mut().zip(group).for_each(|(sum, part)| *sum += part);
+            }
+            of_sums(sums)
         })
         .collect();
     resampled.sort_by(f64::total_cmp);
     let tail = BOOTSTRAP_SAMPLES / 40;
-    Some([resampled[tail], resampled[BOOTSTRAP_SAMPLES - 1 - tail]])
+    [resampled[tail], resampled[BOOTSTRAP_SAMPLES - 1 - tail]]
 }
 
 /// Difference between two pictures in linear RGBA: rms, peak signal-to-noise ratio and maximum.

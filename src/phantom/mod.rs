@@ -11,15 +11,20 @@
 //! | `comb` | 1000 on every fourth plane across z, `k % 4 = 2`; else 0 | with `m` such planes, the optical depth along z is `1000 c m h`; above 500 every layer is `h` thick |
 //! | `sphere` | `1000 (1 - r^2 / 32^2)`, `r` the distance from the centre in mm | the surface `s = v` is the sphere of radius `32 sqrt(1 - v / 1000)`; interpolation adds at most `3 h^2 / 4` to `r^2` and within each cell the field is exactly linear |
 //! | `shell` | `1000 max(0, 1 - |r - 20| / 8)` | above 500 it is the hollow ball `16 < r < 24` |
+//! | `cloud`, `smoke` | `1000 min(1, sum of metaballs)`, see [`media`] | |
+//! | `foam`, `struts` | 1000 on the walls or edges of a random Voronoi diagram, falling to 0 within their thickness | |
+//! | `sheets` | 1000 on thin curved sheets with gaps, falling to 0 within their thickness | |
 //!
 //! `sphere` and `shell` are `f32`, the others `i16`; the chest is `i16` in HU.
 
+mod media;
 mod thorax;
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, Voxels};
 use glam::{DAffine3, DMat3, DVec3};
+use media::Metaballs;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::fmt;
@@ -40,6 +45,16 @@ pub enum Phantom {
     Step,
     /// Phantom with thin layers perpendicular to z, and gaps between them.
     Comb,
+    /// Phantom of a cumulus cloud, made of metaballs.
+    Cloud,
+    /// Phantom of rising smoke, made of metaballs.
+    Smoke,
+    /// Phantom of a closed-cell foam: thin walls between cells.
+    Foam,
+    /// Phantom of an open-cell foam: struts along the edges of cells.
+    Struts,
+    /// Phantom with thin curved sheets, and gaps in them.
+    Sheets,
 }
 
 /// Edge length of the cube that the analytic phantoms fill, mm.
@@ -49,7 +64,19 @@ const INSIDE: f64 = 1000.0;
 
 impl Phantom {
     /// All built-in volumes (phantoms), the default first.
-    pub const ALL: [Self; 6] = [Self::Thorax, Self::Slab, Self::Sphere, Self::Shell, Self::Step, Self::Comb];
+    pub const ALL: [Self; 11] = [
+        Self::Thorax,
+        Self::Slab,
+        Self::Sphere,
+        Self::Shell,
+        Self::Step,
+        Self::Comb,
+        Self::Cloud,
+        Self::Smoke,
+        Self::Foam,
+        Self::Struts,
+        Self::Sheets,
+    ];
 
     /// Largest number of voxels along the longest side of a phantom.
     pub const MAX_SIZE: usize = 1024;
@@ -72,6 +99,11 @@ impl Phantom {
             Self::Shell => ("shell", "a hollow ball"),
             Self::Step => ("step", "a half space across x"),
             Self::Comb => ("comb", "thin alternating layers across z"),
+            Self::Cloud => ("cloud", "a cumulus cloud of metaballs"),
+            Self::Smoke => ("smoke", "rising smoke of metaballs"),
+            Self::Foam => ("foam", "a closed-cell foam: thin walls between cells"),
+            Self::Struts => ("struts", "an open-cell foam: struts along the edges of cells"),
+            Self::Sheets => ("sheets", "thin curved sheets with gaps"),
         }
     }
 
@@ -136,6 +168,13 @@ impl Phantom {
             Self::Comb => solid(size, loading, |[_, _, k]| k % 4 == 2),
             Self::Sphere => radial(size, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
             Self::Shell => radial(size, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
+            Self::Cloud | Self::Smoke => {
+                let balls = if self == Self::Cloud { Metaballs::cloud() } else { Metaballs::smoke() };
+                medium(size, loading, |at| balls.share(at))
+            }
+            Self::Foam => medium(size, loading, |at| media::foam(at, false, 0.03)),
+            Self::Struts => medium(size, loading, |at| media::foam(at, true, 0.04)),
+            Self::Sheets => medium(size, loading, media::sheets),
         };
         let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
         let mut provenance = Provenance::new(source, "phantom", stored_type);
@@ -169,6 +208,14 @@ fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> 
     let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
     let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
     Voxels::F32(cube(size, loading, value))
+}
+
+/// Builds a cubic volume whose values are [`INSIDE`] times a function of the position, rounded to integers. Positions
+/// are in units of half the cube's edge.
+fn medium(size: usize, loading: &Loading, share: impl Fn(DVec3) -> f64 + Sync) -> Voxels {
+    let centred = |i: usize| (2.0 * i as f64 + 1.0) / size as f64 - 1.0;
+    let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)))).round() as i16;
+    Voxels::I16(cube(size, loading, value))
 }
 
 /// Builds a cubic volume from a function of the voxel index `[i, j, k]`; the volume is incomplete if `loading` was

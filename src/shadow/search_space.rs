@@ -64,6 +64,14 @@ impl SearchSpace {
         self.axes.iter().map(|axis| axis.default).collect()
     }
 
+    /// Returns the point of the search space with the settings of a specification. A setting with a value that no search
+    /// tries has its default.
+    pub fn place_of(&self, spec: &MethodSpec) -> Vec<usize> {
+        let index =
+            |axis: &Axis| axis.values.iter().position(|tried| spec.values().get(axis.key) == Some(tried));
+        self.axes.iter().map(|axis| index(axis).unwrap_or(axis.default)).collect()
+    }
+
     /// Replaces settings without effect by their defaults in a point of the search space, so that equivalent settings
     /// are the same point.
     pub fn canonical(&self, place: &[usize]) -> Vec<usize> {

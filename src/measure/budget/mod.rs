@@ -89,13 +89,18 @@ impl Budget {
         Ok(budgets)
     }
 
-    /// Returns the measured memory (bytes) or time (ms) of a comparison table row, whichever this budget limits;
-    /// `None` where not measured.
+    /// Returns the measured memory (bytes) or time (ms) of a comparison table row, whichever this budget limits; `None`
+    /// where not measured. A method that stores nothing has no memory to limit.
     pub fn need(&self, row: &Row) -> Option<f64> {
         match self {
-            Self::Bytes(_) => row.bytes.map(|n| n as f64),
+            Self::Bytes(_) => row.bytes.filter(|n| *n > 0).map(|n| n as f64),
             Self::Ms(_) => row.moving_ms(),
         }
+    }
+
+    /// Whether the budget limits memory, and the method of a comparison table row stores nothing.
+    pub fn stores_nothing(&self, row: &Row) -> bool {
+        matches!(self, Self::Bytes(_)) && row.bytes == Some(0)
     }
 
     /// Largest memory in bytes, or time in milliseconds, that the budget allows.
@@ -169,7 +174,7 @@ pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
 /// Whether a recorded trial of method settings can be reused for a search within these budgets. It must have failed,
 /// or have known memory and time, and a known error if any budget holds.
 pub(super) fn answers(trial: &Row, budgets: &[Budget]) -> bool {
-    let known = budgets.iter().all(|b| b.need(trial).is_some());
+    let known = budgets.iter().all(|b| b.need(trial).is_some() || b.stores_nothing(trial));
     let allowed = budgets.iter().any(|b| b.holds(trial));
     !trial.note.is_empty() || known && (!allowed || By::ALL.iter().any(|by| by.error(trial).is_some()))
 }

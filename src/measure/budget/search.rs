@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use std::collections::HashMap;
 
-/// Maximum number of new trials in a search for one method's settings, for one budget and one error measure.
+/// Default maximum number of new trials in a search for one method's settings, for one budget and one error measure.
 pub const MOST_TRIALS: usize = 120;
 
 /// Point on the grid of settings that a search explores: one index per setting of the shadow method.
@@ -46,6 +46,8 @@ pub struct Search<'a> {
     pub tried: Vec<(Place, Row)>,
     /// Index in the list of trials (`tried`) for each grid point of method settings tried so far.
     known: HashMap<Place, usize>,
+    /// Maximum number of new trials of method settings for one budget and one error measure.
+    most_trials: usize,
     /// Number of new trials of method settings still allowed for the current budget and error measure.
     left: usize,
 }
@@ -59,7 +61,24 @@ impl<'a> Search<'a> {
         attempt: impl FnMut(&[usize]) -> Result<Row> + 'a,
     ) -> Self {
         let (canonical, attempt) = (Box::new(canonical), Box::new(attempt));
-        Self { sides, canonical, attempt, tried: Vec::new(), known: HashMap::new(), left: 0 }
+        let (tried, known, most_trials) = (Vec::new(), HashMap::new(), MOST_TRIALS);
+        Self { sides, canonical, attempt, tried, known, most_trials, left: 0 }
+    }
+
+    /// Limits the new trials of method settings for one budget and one error measure.
+    #[must_use]
+    pub fn limited_to(self, most_trials: usize) -> Self {
+        Self { most_trials, ..self }
+    }
+
+    /// Tries the method's settings at a point of the settings grid from which later searches may start.
+    ///
+    /// # Errors
+    /// Any error that `attempt` returns.
+    pub fn try_first(&mut self, place: &[usize]) -> Result<()> {
+        self.left = 1;
+        let place = (self.canonical)(place);
+        self.measure(&place)
     }
 
     /// Searches for the method settings with the smallest error within a budget, from `default` and the best settings
@@ -69,8 +88,8 @@ impl<'a> Search<'a> {
     /// # Errors
     /// Any error that `attempt` returns.
     pub fn look(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<bool> {
-        self.left = MOST_TRIALS;
-        self.starts(budget, default)?;
+        self.left = self.most_trials;
+        self.starts(budget, by, default)?;
         let Some(mut place) = self.best_known(budget, by) else { return Ok(self.left > 0) };
         let moves = self.moves();
         // Cycles through the steps until a whole cycle brings no improvement.
@@ -87,11 +106,14 @@ impl<'a> Search<'a> {
         Ok(idle >= moves.len())
     }
 
-    /// Tries the method's default settings. Where they exceed the budget, it lowers all ordered settings together,
-    /// then each alone, until the budget is satisfied.
-    fn starts(&mut self, budget: Budget, default: &[usize]) -> Result<()> {
+    /// Tries the method's default settings. Where neither they nor earlier trials are within the budget, it lowers all
+    /// ordered settings together, then each alone, until the budget is satisfied.
+    fn starts(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
-        if self.is_held(budget, &default)? {
+        let is_held = self.is_held(budget, &default)?;
+        // A method without memory has no setting within a memory budget.
+        let stores_nothing = self.tried.iter().any(|(_, trial)| budget.stores_nothing(trial));
+        if is_held || stores_nothing || self.best_known(budget, by).is_some() {
             return Ok(());
         }
         let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
@@ -121,25 +143,24 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Returns the steps that the search tries from a point of the settings grid. An unordered setting jumps to each
-    /// of its values.
+    /// Returns the steps that the search tries from a point of the settings grid, small ones first. An unordered setting
+    /// jumps to each of its values.
     fn moves(&self) -> Vec<Vec<(usize, Step)>> {
         let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
-        let mut moves = Vec::new();
-        for (axis, side) in self.sides.iter().enumerate() {
-            if side.ordered {
-                moves.extend([1, -1, 2, -2, 4, -4].map(|by| vec![(axis, Step::By(by))]));
-            } else {
-                moves.extend((0..side.len).map(|to| vec![(axis, Step::To(to))]));
-            }
-        }
-        for (up, down) in
-            ordered.iter().flat_map(|a| ordered.iter().map(move |b| (*a, *b))).filter(|(a, b)| a != b)
-        {
-            moves.push(vec![(up, Step::By(1)), (down, Step::By(-1))]);
-            moves.push(vec![(up, Step::By(1)), (down, Step::By(-2))]);
-        }
-        moves
+        let single = |by: [isize; 2]| {
+            let of_axis = move |axis: &usize| by.map(|by| vec![(*axis, Step::By(by))]);
+            ordered.iter().flat_map(of_axis).collect::<Vec<_>>()
+        };
+        let exchange = |down: isize| {
+            let pairs = ordered.iter().flat_map(|a| ordered.iter().map(move |b| (*a, *b)));
+            let step = move |(a, b)| vec![(a, Step::By(1)), (b, Step::By(down))];
+            pairs.filter(|(a, b)| a != b).map(step).collect::<Vec<_>>()
+        };
+        let words = self.sides.iter().enumerate().filter(|(_, side)| !side.ordered);
+        let jumps = words.flat_map(|(axis, side)| (0..side.len).map(move |to| vec![(axis, Step::To(to))]));
+        let near = [single([1, -1]), jumps.collect(), exchange(-1)];
+        let far = [single([2, -2]), exchange(-2), single([4, -4])];
+        near.into_iter().chain(far).flatten().collect()
     }
 
     /// Returns the point of the settings grid after a search step; `None` if the step leaves the grid or changes
@@ -195,11 +216,20 @@ impl<'a> Search<'a> {
         if self.left == 0 || self.is_surely_over(budget, place) {
             return Ok(false);
         }
+        self.measure(place)?;
+        self.is_held(budget, place)
+    }
+
+    /// Measures the method with the settings at a point of the settings grid, unless they were tried before.
+    fn measure(&mut self, place: &Place) -> Result<()> {
+        if self.known.contains_key(place) {
+            return Ok(());
+        }
         self.left -= 1;
         let trial = (self.attempt)(place)?;
         self.known.insert(place.clone(), self.tried.len());
         self.tried.push((place.clone(), trial));
-        self.is_held(budget, place)
+        Ok(())
     }
 
     /// Whether a tried grid point with smaller or equal settings has already exceeded the memory budget, so that this

@@ -136,7 +136,11 @@ fn one_method(
                 Some((_, uses)) => uses.push((budget, by)),
                 None => chosen.push((place, vec![(budget, by)])),
             },
-            None if by == By::Points => tuned.notes.push(nothing_held(entry, budget, &search.tried)),
+            None if by == By::Points
+                && !search.tried.iter().any(|(_, trial)| budget.stores_nothing(trial)) =>
+            {
+                tuned.notes.push(nothing_held(entry, budget, &search.tried));
+            }
             None => {}
         }
     }

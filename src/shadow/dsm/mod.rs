@@ -149,7 +149,6 @@ settings! {
         /// Number of sub-texel light rays whose mean transmittance a shadow map texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "number of light rays averaged in a texel")
             .coarse("1")
-            .search(&["1", "5"])
             .when(UNLESS_LINES),
         /// Evaluation of extinction along light rays: with the pre-compressed transfer-function table, or by regular
         /// point samples.

@@ -24,10 +24,11 @@ settings! {
             MarchBy::NAMES,
             "cells",
             "march of shadow rays: cell by cell (exact), or by samples at regular steps",
-        ),
+        )
+        .search_all(),
         /// Distance between regular samples along a shadow ray, in units of the smallest voxel spacing. The first sample
         /// lies at the point.
-        step: f64 = STEP_KEY,
+        step: f64 = STEP_KEY.search(&["8", "4", "2", "1", "0.5"]),
         /// Whether neighbouring samples of a camera ray share one shadow ray, or each casts its own.
         lookup: Lookups = LOOKUP_KEY,
     }

@@ -1,5 +1,6 @@
 //! Tests of commands that need a device, run as a user runs them.
 
+mod benchmark;
 mod claims;
 mod curve;
 mod frames;

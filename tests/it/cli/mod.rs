@@ -1,5 +1,6 @@
 //! Tests of commands, run as a user runs them.
 
+mod benchmark;
 mod files;
 mod fit;
 mod flags;

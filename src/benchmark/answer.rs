@@ -1,0 +1,80 @@
+//! Result of one cell of the benchmark, as a JSON file records it.
+
+use crate::measure::stats::ErrorStats;
+use serde::{Deserialize, Serialize};
+
+/// Best answer of a shadow method, or the answer of an external program, in one cell of the benchmark.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Answer {
+    /// Budget within which the settings were searched, in the syntax of `--budget`; empty for an external program.
+    pub budget: String,
+    /// Name of the shadow method or external program.
+    pub method: String,
+    /// Shadow method with the settings that the search found, in the syntax of `--shadow`; empty if none is within the
+    /// budget, or the command of an external program.
+    pub settings: String,
+    /// Memory of the shadow map, bytes.
+    pub bytes: Option<u64>,
+    /// Time to build the shadow map, ms; only for budgets of time.
+    pub build_ms: Option<f64>,
+    /// Time to draw one picture with the shadow map, ms; the whole time of an external program.
+    pub frame_ms: Option<f64>,
+    /// Root mean square error of transmittance at the visible points of the cell, weighted by visibility.
+    pub point_err_rms: Option<f64>,
+    /// Lower end of the 95 % interval of `point_err_rms`.
+    pub point_err_rms_lo: Option<f64>,
+    /// Upper end of the 95 % interval of `point_err_rms`.
+    pub point_err_rms_hi: Option<f64>,
+    /// 99th percentile of the absolute errors of transmittance.
+    pub point_err_p99: Option<f64>,
+    /// Largest absolute error of transmittance.
+    pub point_err_max: Option<f64>,
+    /// Root mean square difference of an external program's picture from the exact one.
+    #[serde(default)]
+    pub image_rmse: Option<f64>,
+    /// Number of settings that the searches for all budgets of this method tried in the cell.
+    pub trials: usize,
+    /// Whether a paired bootstrap distinguishes `point_err_rms` from the least of the budget; `None` for that least
+    /// itself.
+    pub separated: Option<bool>,
+    /// Reason why a trial or an external program failed.
+    #[serde(default)]
+    pub note: String,
+}
+
+impl Answer {
+    /// Root mean square error of transmittance; infinite where there is no answer.
+    pub fn error(&self) -> f64 {
+        self.point_err_rms.unwrap_or(f64::INFINITY)
+    }
+
+    /// Sets the columns of transmittance errors.
+    pub fn set_errors(&mut self, stats: &ErrorStats) {
+        self.point_err_rms = Some(stats.rms);
+        self.point_err_rms_lo = stats.rms_interval.map(|[low, _]| low);
+        self.point_err_rms_hi = stats.rms_interval.map(|[_, high]| high);
+        self.point_err_p99 = Some(stats.p99_abs);
+        self.point_err_max = Some(stats.max_abs);
+    }
+}
+
+/// Result of one cell of the benchmark: its points, and the answers of all methods.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct CellResult {
+    /// Name of the cell.
+    pub cell: String,
+    /// Name of the volume of the cell.
+    pub volume: String,
+    /// Name of the transfer function of the cell.
+    pub function: String,
+    /// Number of visible points at which transmittance is compared.
+    pub points: usize,
+    /// Hash of the visible points and their exact transmittances, see [`super::exact::fingerprint`].
+    pub exact_hash: String,
+    /// Revision of the program that measured the cell.
+    pub revision: String,
+    /// Text of the scene file of the cell.
+    pub scene: String,
+    /// Answers of the methods, budget by budget, then those of external programs.
+    pub answers: Vec<Answer>,
+}

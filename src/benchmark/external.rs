@@ -1,0 +1,175 @@
+//! External programs in the benchmark: a command reads the visible points of a cell and writes their transmittances, or
+//! a picture.
+//!
+//! The command runs in a shell. Environment variables name its files, and [`EXCHANGE`] describes them.
+
+use super::answer::Answer;
+use super::measure::{CellJob, Errors};
+use crate::error::{Error, Result};
+use crate::files::output::write_whole;
+use crate::files::picture::read_exr;
+use crate::formats::write_nifti;
+use crate::measure::small_scene::small_scene;
+use crate::measure::stats::{ErrorStats, image_error};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::str::FromStr;
+use std::time::Instant;
+
+const WHAT: &str = "cannot run external program";
+
+/// Environment variables of an external program: name, file and contents.
+pub const EXCHANGE: [(&str, &str, &str); 7] = [
+    ("UMBRAVOX_SCENE", "scene.toml", "scene file: camera, light, picture size and background"),
+    ("UMBRAVOX_VOLUME", "volume.nii", "volume as NIfTI, with its affine (world coordinates in mm)"),
+    ("UMBRAVOX_FUNCTION", "function.json", "transfer function"),
+    ("UMBRAVOX_POINTS", "points.txt", "visible points, a line `x y z` each, world mm"),
+    (
+        "UMBRAVOX_TRANSMITTANCES",
+        "transmittances.txt",
+        "to be written: a transmittance for each line of the points",
+    ),
+    ("UMBRAVOX_PICTURE_SCENE", "picture.toml", "scene file of a small picture"),
+    ("UMBRAVOX_PICTURE", "picture.exr", "may be written: linear RGBA of the small picture"),
+];
+
+/// External program that answers the points of a cell.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct External {
+    /// Name of the external program in tables.
+    pub name: String,
+    /// Command of the external program, for the shell.
+    pub command: String,
+}
+
+impl FromStr for External {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let parts =
+            text.split_once('=').filter(|(name, command)| !name.is_empty() && !command.trim().is_empty());
+        let (name, command) = parts.ok_or("expected NAME=COMMAND")?;
+        if crate::shadow::entry(name).is_some() {
+            return Err(format!("`{name}` is the name of a shadow method"));
+        }
+        Ok(Self { name: name.into(), command: command.into() })
+    }
+}
+
+impl External {
+    /// Runs the program for a cell and compares its answers with the exact ones. A failure of the program is noted in the
+    /// answer. `scenes` are the texts of the scene files of the cell and of its small picture.
+    ///
+    /// # Errors
+    /// A file for the program cannot be written.
+    pub fn answer(&self, cell: &CellJob, scenes: [&str; 2], folder: &Path) -> Result<(Answer, Errors)> {
+        let mut answer =
+            Answer { method: self.name.clone(), settings: self.command.clone(), ..Answer::default() };
+        let files = Files(folder);
+        files.write_inputs(cell, scenes)?;
+        let start = Instant::now();
+        let ran = self.run(&files);
+        answer.frame_ms = Some(start.elapsed().as_secs_f64() * 1e3);
+        let errors = ran.and_then(|()| files.read_answers(cell, &mut answer)).unwrap_or_else(|e| {
+            answer.note = e.to_string();
+            Errors::new()
+        });
+        Ok((answer, errors))
+    }
+
+    fn run(&self, files: &Files) -> Result<()> {
+        let failed = |why: String| Error::runtime(WHAT, &self.name, why);
+        let mut command = Command::new("sh");
+        command.arg("-c").arg(&self.command);
+        command.envs(EXCHANGE.map(|(variable, file, _)| (variable, files.path(file))));
+        let output = command.output().map_err(|e| failed(e.to_string()))?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        Err(failed(format!("{}: {}", output.status, said.lines().last().unwrap_or_default())))
+    }
+}
+
+/// Files that an external program reads and writes, in one folder.
+struct Files<'a>(&'a Path);
+
+impl Files<'_> {
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    fn write_inputs(&self, cell: &CellJob, [scene, picture]: [&str; 2]) -> Result<()> {
+        let (job, visible) = (cell.job(), cell.visible());
+        let points: String =
+            visible.points_mm().iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+        let texts = [
+            ("scene.toml", scene),
+            ("picture.toml", picture),
+            ("function.json", &job.tf.to_json()),
+            ("points.txt", &points),
+        ];
+        for (name, text) in texts {
+            write_whole(&self.path(name), |file| file.write_all(text.as_bytes()))?;
+        }
+        for name in ["transmittances.txt", "picture.exr"] {
+            // An answer of another cell must not remain; a file that is missing is no error.
+            let _ = fs::remove_file(self.path(name));
+        }
+        write_nifti(job.volume, &self.path("volume.nii"))
+    }
+
+    /// Reads the transmittances or the picture of the program, at least one of the two. Returns the errors of the
+    /// transmittances.
+    fn read_answers(&self, cell: &CellJob, answer: &mut Answer) -> Result<Errors> {
+        let (points, picture) = (self.path("transmittances.txt"), self.path("picture.exr"));
+        if !points.exists() && !picture.exists() {
+            return Err(Error::runtime(
+                WHAT,
+                &answer.method,
+                "it wrote neither transmittances nor a picture",
+            ));
+        }
+        let errors = if points.exists() { transmittance_errors(&points, cell)? } else { Errors::new() };
+        if let Some(stats) = ErrorStats::of(errors.iter().copied())? {
+            answer.set_errors(&stats);
+        }
+        if picture.exists() {
+            let job = cell.job();
+            let exact = crate::exact::ExactField::new(job.volume, job.tf).picture(&small_scene(job.scene));
+            answer.image_rmse = Some(image_error(read_exr(&picture)?.view(), exact.view())?.rmse);
+        }
+        Ok(errors)
+    }
+}
+
+/// Reads the transmittances of a program, and returns their errors with the weights of the points.
+fn transmittance_errors(path: &Path, cell: &CellJob) -> Result<Errors> {
+    let refuse = |why: String| Error::runtime(WHAT, path.display(), why);
+    let text = fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
+    let parse = |(line, text): (usize, &str)| {
+        text.trim().parse::<f64>().map_err(|_| refuse(format!("line {}: `{text}` is no number", line + 1)))
+    };
+    let values = text.lines().enumerate().map(parse).collect::<Result<Vec<_>>>()?;
+    let visible = cell.visible();
+    if values.len() != visible.len() {
+        return Err(refuse(format!("{} lines for {} points", values.len(), visible.len())));
+    }
+    let errors = values.iter().zip(visible.exact()).map(|(value, exact)| value - exact);
+    Ok(errors.zip(visible.weights().iter().copied()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_methods_are_not_names_of_programs() {
+        let vtk: External = "vtk=python3 a.py --x=1".parse().unwrap();
+        assert_eq!((&*vtk.name, &*vtk.command), ("vtk", "python3 a.py --x=1"));
+        for bad in ["", "vtk", "vtk=", "=x", "dsm=x"] {
+            assert!(bad.parse::<External>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Files of the benchmark's results: `benchmark.csv`, `ranking.csv`, `benchmark.md` and critical-difference plots.
+
+use super::answer::{Answer, CellResult};
+use super::plot::critical_difference;
+use super::ranking::{Rank, Ranking, rankings};
+use crate::error::Result;
+use crate::files::output::write_whole;
+use crate::report::markdown::{Align, aligned_table};
+use crate::report::number::significant;
+use crate::report::writers::csv;
+use itertools::Itertools as _;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Row of `benchmark.csv`: the answer of a method to one budget in one cell.
+#[derive(Serialize)]
+struct Row<'a> {
+    cell: &'a str,
+    volume: &'a str,
+    function: &'a str,
+    points: usize,
+    exact_hash: &'a str,
+    revision: &'a str,
+    budget: &'a str,
+    method: &'a str,
+    settings: &'a str,
+    bytes: Option<u64>,
+    build_ms: Option<f64>,
+    frame_ms: Option<f64>,
+    point_err_rms: Option<f64>,
+    point_err_rms_lo: Option<f64>,
+    point_err_rms_hi: Option<f64>,
+    point_err_p99: Option<f64>,
+    point_err_max: Option<f64>,
+    image_rmse: Option<f64>,
+    trials: usize,
+    separated: Option<bool>,
+    note: &'a str,
+}
+
+impl<'a> Row<'a> {
+    fn of(result: &'a CellResult, answer: &'a Answer) -> Self {
+        Self {
+            cell: &result.cell,
+            volume: &result.volume,
+            function: &result.function,
+            points: result.points,
+            exact_hash: &result.exact_hash,
+            revision: &result.revision,
+            budget: &answer.budget,
+            method: &answer.method,
+            settings: &answer.settings,
+            bytes: answer.bytes,
+            build_ms: answer.build_ms,
+            frame_ms: answer.frame_ms,
+            point_err_rms: answer.point_err_rms,
+            point_err_rms_lo: answer.point_err_rms_lo,
+            point_err_rms_hi: answer.point_err_rms_hi,
+            point_err_p99: answer.point_err_p99,
+            point_err_max: answer.point_err_max,
+            image_rmse: answer.image_rmse,
+            trials: answer.trials,
+            separated: answer.separated,
+            note: &answer.note,
+        }
+    }
+}
+
+/// Writes the tables and plots of the benchmark into an existing folder, from the results of cells. Returns the paths of
+/// the files, and the text of `benchmark.md`.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write(results: &[CellResult], made_by: &str, folder: &Path) -> Result<(Vec<PathBuf>, String)> {
+    let rankings = rankings(results);
+    let rows: Vec<Row> = results.iter().flat_map(|r| r.answers.iter().map(|a| Row::of(r, a))).collect();
+    let ranks: Vec<&Rank> = rankings.iter().flat_map(|r| &r.ranks).collect();
+    let page = page(results, &rankings, made_by);
+    let mut files = vec![
+        ("benchmark.csv".to_owned(), csv(&rows)?),
+        ("ranking.csv".to_owned(), csv(&ranks)?),
+        ("benchmark.md".to_owned(), page.clone().into_bytes()),
+    ];
+    for ranking in &rankings {
+        let plot = critical_difference(ranking);
+        let stem = plot_stem(ranking);
+        files.push((format!("{stem}.svg"), plot.svg(None).into_string().into_bytes()));
+        files.push((format!("{stem}.png"), plot.png()?));
+    }
+    let write = |(name, bytes): (String, Vec<u8>)| {
+        let path = folder.join(name);
+        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
+    };
+    Ok((files.into_iter().map(write).collect::<Result<_>>()?, page))
+}
+
+fn plot_stem(ranking: &Ranking) -> String {
+    format!("ranks_{}", ranking.budget.replace('=', "_"))
+}
+
+fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
+    let cells = results.len();
+    let mut page = format!("# Benchmark: {cells} cells\n\n{made_by}\n");
+    for ranking in rankings {
+        page += &format!("\n## Within {}\n\n", ranking.budget);
+        page += &shares(ranking);
+        page += &match ranking.critical_difference {
+            Some(difference) => format!(
+                "\nMean ranks of {} volumes differ from {} on (Nemenyi's test at 5 %).\n",
+                ranking.volumes,
+                significant(difference, 3)
+            ),
+            None => String::new(),
+        };
+        page += &format!("\n![mean ranks]({}.png)\n", plot_stem(ranking));
+        page += "\nCells won, by volume and by transfer function:\n\n";
+        page += &won_by(results, ranking, |result| &result.volume);
+        page += "\n";
+        page += &won_by(results, ranking, |result| &result.function);
+    }
+    page
+}
+
+/// Returns the table of all methods within one budget.
+fn shares(ranking: &Ranking) -> String {
+    let headings = [
+        ("method", Align::Left),
+        ("answered", Align::Right),
+        ("won", Align::Right),
+        ("share (95 %, cells)", Align::Right),
+        ("95 %, volumes", Align::Right),
+        ("won or not separated", Align::Right),
+        ("mean rank", Align::Right),
+        ("error / least", Align::Right),
+    ];
+    let percent = |share: f64| format!("{:.0}", 100.0 * share);
+    let row = |r: &Rank| {
+        vec![
+            format!("`{}`", r.method),
+            r.answered.to_string(),
+            r.won.to_string(),
+            format!("{} % ({} to {})", percent(r.share), percent(r.share_lo), percent(r.share_hi)),
+            format!("{} to {}", percent(r.share_volumes_lo), percent(r.share_volumes_hi)),
+            r.not_separated.to_string(),
+            format!("{:.2}", r.mean_rank),
+            r.ratio.map_or(String::new(), |ratio| significant(ratio, 3)),
+        ]
+    };
+    aligned_table(&headings.map(|(h, a)| (h.to_owned(), a)), &ranking.ranks.iter().map(row).collect_vec())
+}
+
+/// Returns a table with the number of cells that each method wins, for each value of a key of the cells.
+fn won_by(results: &[CellResult], ranking: &Ranking, key: impl Fn(&CellResult) -> &String) -> String {
+    let values: Vec<&String> = results.iter().map(&key).unique().collect();
+    let winner = |result: &CellResult| {
+        let own = result.answers.iter().filter(|a| a.budget == ranking.budget && a.point_err_rms.is_some());
+        own.min_by(|a, b| a.error().total_cmp(&b.error())).map(|a| a.method.clone())
+    };
+    let winners: Vec<_> = results.iter().map(|result| (key(result), winner(result))).collect();
+    let mut headings = vec![("method".to_owned(), Align::Left)];
+    headings.extend(values.iter().map(|value| ((*value).clone(), Align::Right)));
+    let row = |rank: &Rank| {
+        let count = |value: &&String| {
+            let is_own = |(of, winner): &&(&String, Option<String>)| {
+                of == value && winner.as_ref() == Some(&rank.method)
+            };
+            winners.iter().filter(is_own).count().to_string()
+        };
+        [vec![format!("`{}`", rank.method)], values.iter().map(count).collect()].concat()
+    };
+    aligned_table(&headings, &ranking.ranks.iter().map(row).collect_vec())
+}

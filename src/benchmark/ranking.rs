@@ -1,0 +1,259 @@
+//! Ranking of shadow methods over the cells of the benchmark: shares of cells won, mean ranks and their critical
+//! difference.
+//!
+//! Cells of one volume are alike, so two intervals of a share are given: Wilson's (1927, *Probable inference*), which takes
+//! the cells as independent, and one by a bootstrap over volumes. Ranks are averaged within each volume first, and the
+//! critical difference (Nemenyi's test; Demšar 2006, *Statistical comparisons of classifiers over multiple data sets*) is
+//! that of as many samples as there are volumes.
+
+use super::answer::{Answer, CellResult};
+use crate::random::Chance;
+use itertools::Itertools as _;
+use serde::Serialize;
+
+/// Quantile of the normal distribution for 95 % intervals.
+const Z: f64 = 1.96;
+/// Number of samples of the bootstrap over volumes, and its seed.
+const BOOTSTRAP_SAMPLES: usize = 2000;
+const BOOTSTRAP_SEED: u64 = 23;
+/// Critical values of Nemenyi's test at 5 % for 2 to 16 methods: quantiles of the studentized range, divided by the root
+/// of 2 (Demšar 2006, table 5; the values beyond 10 from the same distribution).
+const NEMENYI: [f64; 15] =
+    [1.960, 2.343, 2.569, 2.728, 2.850, 2.949, 3.031, 3.102, 3.164, 3.219, 3.268, 3.313, 3.354, 3.391, 3.426];
+
+/// Row of `ranking.csv`: a shadow method or external program within one budget, over all cells of the benchmark.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Rank {
+    /// Budget within which settings were searched, in the syntax of `--budget`.
+    pub budget: String,
+    /// Name of the shadow method or external program.
+    pub method: String,
+    /// Number of cells that were measured.
+    pub cells: usize,
+    /// Number of cells in which the method has settings within the budget.
+    pub answered: usize,
+    /// Number of cells in which the method has the least error.
+    pub won: usize,
+    /// Share of cells in which the method has the least error.
+    pub share: f64,
+    /// Lower end of Wilson's 95 % interval of `share`, which takes cells as independent.
+    pub share_lo: f64,
+    /// Upper end of Wilson's 95 % interval of `share`.
+    pub share_hi: f64,
+    /// Lower end of the 95 % interval of `share` by a bootstrap over volumes.
+    pub share_volumes_lo: f64,
+    /// Upper end of the 95 % interval of `share` by a bootstrap over volumes.
+    pub share_volumes_hi: f64,
+    /// Number of cells in which the method has the least error, or one that a paired bootstrap does not distinguish from
+    /// it.
+    pub not_separated: usize,
+    /// Mean rank of the method by error, averaged within each volume first.
+    pub mean_rank: f64,
+    /// Geometric mean of the ratio of the method's error to the least error of the cell, over the cells with an answer.
+    pub ratio: Option<f64>,
+}
+
+/// Ranking of all methods within one budget.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ranking {
+    /// Budget within which settings were searched, in the syntax of `--budget`.
+    pub budget: String,
+    /// Ranks of all methods, the least mean rank first.
+    pub ranks: Vec<Rank>,
+    /// Difference of mean ranks from which two methods differ (Nemenyi's test at 5 %); `None` for one method, more than
+    /// 16, or one volume.
+    pub critical_difference: Option<f64>,
+    /// Number of volumes of the measured cells.
+    pub volumes: usize,
+}
+
+/// Answers of one cell to one budget, with the rank of each.
+struct Ranked<'a> {
+    volume: &'a str,
+    answers: Vec<(&'a Answer, f64)>,
+}
+
+impl<'a> Ranked<'a> {
+    /// Ranks the answers of a cell by error. Equal errors share the mean of their ranks; methods without an answer share
+    /// the last.
+    fn of(result: &'a CellResult, budget: &str) -> Self {
+        let answers: Vec<&Answer> = result.answers.iter().filter(|a| a.budget == budget).collect();
+        let rank = |own: &Answer| {
+            let smaller = answers.iter().filter(|other| other.error() < own.error()).count();
+            let equal = answers.iter().filter(|other| other.error() == own.error()).count();
+            smaller as f64 + 0.5 * (equal as f64 + 1.0)
+        };
+        Self { volume: &result.volume, answers: answers.iter().map(|a| (*a, rank(a))).collect() }
+    }
+
+    fn of_method(&self, method: &str) -> Option<(&'a Answer, f64)> {
+        self.answers.iter().find(|(answer, _)| answer.method == method).copied()
+    }
+
+    fn least(&self) -> f64 {
+        self.answers.iter().map(|(answer, _)| answer.error()).fold(f64::INFINITY, f64::min)
+    }
+
+    fn is_won_by(&self, method: &str) -> bool {
+        self.of_method(method).is_some_and(|(own, _)| own.error().is_finite() && own.error() == self.least())
+    }
+}
+
+/// Ranks the methods within each budget, from the results of cells.
+pub fn rankings(results: &[CellResult]) -> Vec<Ranking> {
+    let budgets = results.iter().flat_map(|r| &r.answers).map(|a| &a.budget).unique();
+    budgets.map(|budget| ranking(results, budget)).collect()
+}
+
+fn ranking(results: &[CellResult], budget: &str) -> Ranking {
+    let cells: Vec<Ranked> = results.iter().map(|result| Ranked::of(result, budget)).collect();
+    let methods = cells.iter().flat_map(|cell| &cell.answers).map(|(answer, _)| &*answer.method).unique();
+    let mut ranks: Vec<Rank> = methods.map(|method| rank(&cells, budget, method)).collect();
+    ranks.sort_by(|a, b| a.mean_rank.total_cmp(&b.mean_rank));
+    let volumes = cells.iter().map(|cell| cell.volume).unique().count();
+    let critical_difference = critical_difference(ranks.len(), volumes);
+    Ranking { budget: budget.into(), ranks, critical_difference, volumes }
+}
+
+fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
+    let own: Vec<_> = cells.iter().filter_map(|cell| Some((cell, cell.of_method(method)?))).collect();
+    let answered: Vec<_> = own.iter().filter(|(_, (answer, _))| answer.point_err_rms.is_some()).collect();
+    let won = cells.iter().filter(|cell| cell.is_won_by(method)).count();
+    let not_separated = |(cell, (answer, _)): &&&(&Ranked, (&Answer, f64))| {
+        cell.is_won_by(method) || answer.separated == Some(false)
+    };
+    let logarithm = |(cell, (answer, _)): &&(&Ranked, (&Answer, f64))| {
+        let ratio = answer.error() / cell.least();
+        (ratio.is_finite() && ratio > 0.0).then(|| ratio.ln())
+    };
+    let logarithms: Vec<f64> = answered.iter().copied().filter_map(|own| logarithm(&own)).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let by_volume = own.iter().map(|(cell, (_, rank))| (cell.volume, *rank)).into_group_map();
+    let of_volumes: Vec<f64> = own
+        .iter()
+        .map(|(cell, _)| cell.volume)
+        .unique()
+        .filter_map(|v| by_volume.get(v))
+        .map(|r| mean(r))
+        .collect();
+    let [share_lo, share_hi] = wilson(won, cells.len());
+    let [share_volumes_lo, share_volumes_hi] = share_over_volumes(cells, method);
+    Rank {
+        budget: budget.into(),
+        method: method.into(),
+        cells: cells.len(),
+        answered: answered.len(),
+        won,
+        share: won as f64 / cells.len() as f64,
+        share_lo,
+        share_hi,
+        share_volumes_lo,
+        share_volumes_hi,
+        not_separated: answered.iter().filter(not_separated).count(),
+        mean_rank: mean(&of_volumes),
+        ratio: (!logarithms.is_empty()).then(|| mean(&logarithms).exp()),
+    }
+}
+
+/// Returns Wilson's 95 % interval of a share of `n` independent trials.
+pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
+    let (share, n) = (successes as f64 / n as f64, n as f64);
+    let centre = share + Z * Z / (2.0 * n);
+    let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
+    let scale = 1.0 + Z * Z / n;
+    [((centre - half) / scale).max(0.0), ((centre + half) / scale).min(1.0)]
+}
+
+/// Returns the 95 % interval of the share of cells that a method wins, by a bootstrap over volumes.
+fn share_over_volumes(cells: &[Ranked], method: &str) -> [f64; 2] {
+    let volumes = cells.iter().map(|cell| (cell.volume, cell.is_won_by(method))).into_group_map();
+    // A hash map has no fixed order, and the random choices depend on it.
+    let volumes: Vec<[f64; 2]> = volumes
+        .into_iter()
+        .sorted()
+        .map(|(_, won)| [won.iter().filter(|won| **won).count() as f64, won.len() as f64])
+        .collect();
+    let mut chance = Chance::new(BOOTSTRAP_SEED, 0);
+    let mut shares: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
+        .map(|_| {
+            let drawn = (0..volumes.len()).map(|_| volumes[chance.below(volumes.len())]);
+            let [won, all] = drawn.fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
+            won / all
+        })
+        .collect();
+    shares.sort_by(f64::total_cmp);
+    let tail = BOOTSTRAP_SAMPLES / 40;
+    [shares[tail], shares[BOOTSTRAP_SAMPLES - 1 - tail]]
+}
+
+/// Returns the difference of the mean ranks of `methods` methods over `samples` samples from which they differ.
+fn critical_difference(methods: usize, samples: usize) -> Option<f64> {
+    let value = NEMENYI.get(methods.checked_sub(2)?).filter(|_| samples > 1)?;
+    let k = methods as f64;
+    Some(value * (k * (k + 1.0) / (6.0 * samples as f64)).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(volume: &str, errors: &[(&str, Option<f64>, Option<bool>)]) -> CellResult {
+        let answer = |(method, error, separated): &(&str, Option<f64>, Option<bool>)| Answer {
+            budget: "bytes=1MiB".into(),
+            method: (*method).into(),
+            point_err_rms: *error,
+            separated: *separated,
+            ..Answer::default()
+        };
+        CellResult {
+            volume: volume.into(),
+            answers: errors.iter().map(answer).collect(),
+            ..CellResult::default()
+        }
+    }
+
+    #[test]
+    fn intervals_are_those_of_the_literature() {
+        // Wilson's interval of 15 of 50: 0.191 to 0.438.
+        let [low, high] = wilson(15, 50);
+        assert!((low - 0.1910).abs() < 5e-4 && (high - 0.4375).abs() < 5e-4, "{low} {high}");
+        assert_eq!(wilson(0, 10)[0], 0.0);
+        assert!((wilson(10, 10)[1] - 1.0).abs() < 1e-12);
+        // Demšar 2006, section 3.2.2: four methods on 14 data sets, 2.569 sqrt(4 5 / (6 14)) = 1.25.
+        assert!((critical_difference(4, 14).unwrap() - 1.25).abs() < 5e-3);
+        assert_eq!(
+            (critical_difference(1, 14), critical_difference(17, 14), critical_difference(3, 1)),
+            (None, None, None)
+        );
+    }
+
+    #[test]
+    fn shares_ranks_and_ratios_count_every_cell() {
+        let cells = [
+            cell("a", &[("x", Some(0.1), None), ("y", Some(0.2), Some(true)), ("z", None, None)]),
+            cell("a", &[("x", Some(0.3), Some(false)), ("y", Some(0.2), None), ("z", None, None)]),
+            cell("b", &[("x", Some(0.1), None), ("y", Some(0.4), Some(true)), ("z", Some(0.8), Some(true))]),
+        ];
+        let rankings = rankings(&cells);
+        assert_eq!((rankings.len(), rankings[0].volumes), (1, 2));
+        let [x, y, z] = &rankings[0].ranks[..] else { panic!("three methods") };
+        assert_eq!((&*x.method, x.cells, x.answered, x.won, x.not_separated), ("x", 3, 3, 2, 3));
+        assert_eq!((&*z.method, z.answered, z.won, z.not_separated), ("z", 1, 0, 0));
+        // Ranks of x: (1 + 2) / 2 on volume a, and 1 on volume b.
+        assert_eq!((x.mean_rank, y.mean_rank, z.mean_rank), (1.25, 1.75, 3.0));
+        let ratio = (2.0_f64 * 1.0 * 4.0).powf(1.0 / 3.0);
+        assert!((y.ratio.unwrap() - ratio).abs() < 1e-12);
+        assert!((z.ratio.unwrap() - 8.0).abs() < 1e-12);
+        assert!(x.share_volumes_lo <= 0.5 + 1e-12 && x.share_volumes_hi == 1.0);
+    }
+
+    #[test]
+    fn equal_errors_share_a_rank() {
+        let cells = [cell(
+            "a",
+            &[("x", Some(0.1), None), ("y", Some(0.1), Some(false)), ("z", Some(0.2), Some(true))],
+        )];
+        let ranks: Vec<f64> = rankings(&cells)[0].ranks.iter().map(|r| r.mean_rank).collect();
+        assert_eq!(ranks, [1.5, 1.5, 3.0]);
+    }
+}

@@ -1,0 +1,201 @@
+//! Run of the benchmark: measures the selected cells one after the other, and records each.
+
+use super::answer::CellResult;
+use super::definition::{Cell, Definition};
+use super::exact;
+use super::external::External;
+use super::folder::Folder;
+use super::measure::{CellJob, compared, effort};
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::files::output::prepare_output_dir;
+use crate::measure::budget::Budget;
+use crate::measure::facts::REVISION;
+use crate::measure::job::Job;
+use crate::measure::small_scene::small_scene;
+use crate::open::{Loaded, SceneSettings, VolumeSpec};
+use crate::render::{DisabledOptimizations, Renderer, Session};
+use crate::scene::Scene;
+use crate::shadow::Entry;
+use crate::volume::Volume;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Function that is called with a description of each step of a benchmark run, and may end the run.
+pub type Watch<'a> = &'a mut dyn FnMut(&str) -> Result<()>;
+
+/// Parameters of a run of the benchmark.
+pub struct Run<'a> {
+    /// Definition of the benchmark.
+    pub definition: &'a Definition,
+    /// Cells to measure.
+    pub cells: &'a [Cell],
+    /// Shadow methods to measure.
+    pub methods: &'a [&'static Entry],
+    /// Budgets within which settings are searched, smaller ones of each kind first.
+    pub budgets: &'a [Budget],
+    /// External programs that answer the points of every cell.
+    pub externals: &'a [External],
+    /// Folder of the volumes that are files.
+    pub data: PathBuf,
+}
+
+/// Volume of the benchmark that has been read, with the settings of its scenes.
+struct Subject {
+    index: usize,
+    settings: SceneSettings,
+    volume: Arc<Volume>,
+}
+
+/// Volume and transfer function on the graphics device. All cells beside the named one use them.
+struct OnDevice {
+    cell: Cell,
+    session: Session,
+}
+
+impl Run<'_> {
+    /// Checks that the files of all selected cells are there.
+    ///
+    /// # Errors
+    /// A file is missing.
+    pub fn check(&self) -> Result<()> {
+        let of_cell = |cell: &Cell| &self.definition.volume[cell.volume];
+        self.cells
+            .iter()
+            .try_for_each(|cell| self.definition.volume_settings(of_cell(cell), &self.data).map(drop))
+    }
+
+    /// Measures all selected cells that the folder has no result of. The first cell of each volume and transfer function
+    /// is measured before the others, whether it is selected or not.
+    ///
+    /// # Errors
+    /// A volume cannot be read, a file cannot be written, the device is lost, or `watch` ends the run.
+    pub fn measure(&self, folder: &Folder, renderer: &Arc<Renderer>, watch: Watch) -> Result<()> {
+        let all = self.definition.cells();
+        let (mut subject, mut on_device) = (None, None);
+        for cell in self.cells {
+            let needed = [cell.first(&all).filter(|_| !self.methods.is_empty()), Some(cell)];
+            for cell in needed.into_iter().flatten() {
+                if folder.result(cell)?.is_some() {
+                    continue;
+                }
+                watch(&cell.name)?;
+                let subject = self.subject(cell, &mut subject)?;
+                let loaded = self.load(cell, subject)?;
+                let session = session(cell, &loaded, renderer, &mut on_device)?;
+                let first = cell.first(&all).filter(|first| *first != cell);
+                let first = first.map(|first| folder.result(first)).transpose()?.flatten();
+                let result = self.measure_cell(cell, (&loaded, session), first.as_ref(), folder, watch)?;
+                folder.record(cell, &result)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the volume of a cell; reads it unless it is that of the cell before.
+    fn subject<'a>(&self, cell: &Cell, known: &'a mut Option<Subject>) -> Result<&'a Subject> {
+        if known.as_ref().is_none_or(|subject| subject.index != cell.volume) {
+            *known = None;
+            let settings =
+                self.definition.volume_settings(&self.definition.volume[cell.volume], &self.data)?;
+            let volume = Arc::new(settings.read_volume(&mut Vec::new(), &Loading::default())?.volume);
+            *known = Some(Subject { index: cell.volume, settings, volume });
+        }
+        // It was set above.
+        known.as_ref().ok_or_else(|| Error::runtime("cannot read volume", &cell.name, "unknown"))
+    }
+
+    /// Prepares the scene of a cell.
+    fn load(&self, cell: &Cell, subject: &Subject) -> Result<Loaded> {
+        let settings = self.definition.cell_settings(cell, &subject.settings, &subject.volume)?;
+        let tf = self.definition.volume[cell.volume].function(cell.function);
+        let functions = settings.functions(false)?.with_whole("function.json", tf);
+        settings.look_at((Arc::clone(&subject.volume), None), functions, Vec::new(), &Loading::default())
+    }
+
+    fn measure_cell(
+        &self,
+        cell: &Cell,
+        (loaded, session): (&Loaded, &Session),
+        first: Option<&CellResult>,
+        folder: &Folder,
+        watch: Watch,
+    ) -> Result<CellResult> {
+        let subject = (&*loaded.volume, &loaded.tf);
+        let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
+        let cell_job = CellJob::new(job)?;
+        exact::check(&cell.name, &cell_job.hash)?;
+        let scene = scene_text(loaded, &loaded.scene, &cell.name)?;
+        let mut of_externals = Vec::new();
+        for external in self.externals {
+            watch(&format!("{}: {}", cell.name, external.name))?;
+            let exchange = folder.path().join("exchange");
+            prepare_output_dir(&exchange)?;
+            let small = scene_text(loaded, &small_scene(&loaded.scene), &cell.name)?;
+            of_externals.push(external.answer(&cell_job, [&scene, &small], &exchange)?);
+        }
+        let mut step = |method: &str| watch(&format!("{}: {method}", cell.name));
+        let found = cell_job.search_all(self.methods, self.budgets, first, &mut step)?;
+        let answers = compared(self.budgets, found, &of_externals);
+        let volume = self.definition.volume[cell.volume].name.clone();
+        let function = cell.function.into();
+        let (cell, points, exact_hash) = (cell.name.clone(), cell_job.visible().len(), cell_job.hash.clone());
+        Ok(CellResult {
+            cell,
+            volume,
+            function,
+            points,
+            exact_hash,
+            revision: REVISION.into(),
+            scene,
+            answers,
+        })
+    }
+
+    /// Computes the hashes of the exact transmittances of all selected cells, as lines of `exact.tsv`.
+    ///
+    /// # Errors
+    /// A volume cannot be read, the device is lost, or `watch` ends the run.
+    pub fn hashes(&self, renderer: &Arc<Renderer>, watch: Watch) -> Result<String> {
+        let (mut subject, mut on_device, mut lines) = (None, None, String::new());
+        for cell in self.cells {
+            watch(&cell.name)?;
+            let loaded = self.load(cell, self.subject(cell, &mut subject)?)?;
+            let session = session(cell, &loaded, renderer, &mut on_device)?;
+            let subject = (&*loaded.volume, &loaded.tf);
+            let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
+            lines += &format!("{}\t{}\n", cell.name, CellJob::new(job)?.hash);
+        }
+        Ok(lines)
+    }
+}
+
+/// Returns the session of a cell's volume and transfer function; opens it unless it is that of the cell before.
+fn session<'a>(
+    cell: &Cell,
+    loaded: &Loaded,
+    renderer: &Arc<Renderer>,
+    known: &'a mut Option<OnDevice>,
+) -> Result<&'a Session> {
+    if known.as_ref().is_none_or(|on_device| !on_device.cell.is_beside(cell)) {
+        // The device may not hold two volumes.
+        *known = None;
+        let volume = Arc::clone(&loaded.volume);
+        let session = Session::on(renderer, volume, &loaded.tf, DisabledOptimizations::default())?;
+        *known = Some(OnDevice { cell: cell.clone(), session });
+    }
+    // It was set above.
+    let unknown = || Error::runtime("cannot use device", &cell.name, "no session");
+    known.as_ref().map(|on_device| &on_device.session).ok_or_else(unknown)
+}
+
+/// Returns the text of the scene file of a cell. Its volume is named without the folder.
+fn scene_text(loaded: &Loaded, scene: &Scene, name: &str) -> Result<String> {
+    let mut spec = VolumeSpec::new(&loaded.volume.provenance.source);
+    if !spec.source.starts_with("phantom:") {
+        let file = Path::new(&spec.source).file_name();
+        spec.source = file.map_or(String::new(), |file| file.to_string_lossy().into_owned());
+    }
+    let settings = SceneSettings { name: Some(name.into()), ..SceneSettings::of_volume(&spec) };
+    settings.resolved(scene, "function.json", loaded.suiting).to_toml()
+}

@@ -1,0 +1,119 @@
+//! `umbravox benchmark`, run as a user runs it, on one cell of the frozen benchmark.
+
+use crate::common;
+use crate::program::{refused, umbravox};
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+/// External program that answers that no light is lost.
+const UNSHADOWED: &str = r#"one=sed 's/.*/1/' "$UMBRAVOX_POINTS" > "$UMBRAVOX_TRANSMITTANCES""#;
+const ARGUMENTS: [&str; 9] = [
+    "benchmark",
+    "-o",
+    "out",
+    "--methods",
+    "osm,moments",
+    "--budget",
+    "bytes=256KiB",
+    "--external",
+    UNSHADOWED,
+];
+
+fn benchmark(folder: &Path, cells: &str) -> String {
+    let output = umbravox(folder, &[&ARGUMENTS[..], &["--cells", cells]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    fs::read_to_string(folder.join("out/benchmark.csv")).unwrap()
+}
+
+fn rows(csv: &str) -> Vec<HashMap<String, String>> {
+    csv::Reader::from_reader(csv.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+}
+
+#[test]
+fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let first = benchmark(dir.path(), "cloud-dense-front-front");
+    let table = rows(&first);
+    let methods: Vec<_> = table.iter().map(|row| &*row["method"]).collect();
+    assert_eq!(methods, ["osm", "moments", "one"]);
+    let error = |method: &str| -> f64 {
+        let row = table.iter().find(|row| row["method"] == method).unwrap();
+        let [low, error, high] =
+            ["_lo", "", "_hi"].map(|end| row[&format!("point_err_rms{end}")].parse().unwrap());
+        assert!(low < error && error < high && row["points"] == "20000", "{row:?}");
+        error
+    };
+    assert!(error("osm") < 0.2 && error("moments") < 0.1 && error("one") > 0.4);
+    for row in table.iter().filter(|row| row["method"] != "one") {
+        assert!(row["bytes"].parse::<u64>().unwrap() <= 256 << 10, "{row:?}");
+        assert!(row["settings"].starts_with(&row["method"]) && row["trials"] != "0", "{row:?}");
+    }
+    let ranks = rows(&fs::read_to_string(dir.path().join("out/ranking.csv")).unwrap());
+    let last = ranks.iter().find(|row| row["method"] == "one").unwrap();
+    assert_eq!((&*last["mean_rank"], &*last["won"], &*last["cells"]), ("3.0", "0", "1"));
+    assert!(dir.path().join("out/ranks_bytes_256KiB.png").is_file());
+
+    // A cell without its file is measured again, to the last digit.
+    let cell = dir.path().join("out/cells/cloud-dense-front-front.json");
+    let recorded = fs::read_to_string(&cell).unwrap();
+    fs::remove_file(&cell).unwrap();
+    let untimed = |csv: &str| -> Vec<_> {
+        let without_time = |mut row: HashMap<String, String>| {
+            row.remove("frame_ms");
+            row
+        };
+        rows(csv).into_iter().map(without_time).collect()
+    };
+    assert_eq!(untimed(&benchmark(dir.path(), "cloud-dense-front-front")), untimed(&first));
+    fs::write(&cell, recorded.replace("\"one\"", "\"recorded\"")).unwrap();
+    assert!(
+        benchmark(dir.path(), "cloud-dense-front-front").contains(",recorded,"),
+        "a file is not measured again"
+    );
+
+    // Searches beside a cell start from its settings and take fewer trials.
+    let beside = rows(&benchmark(dir.path(), "cloud-dense-side-close"));
+    let trials = |table: &[HashMap<String, String>]| table[0]["trials"].parse::<usize>().unwrap();
+    assert!(trials(&beside) < trials(&table), "{beside:?}");
+
+    let other = [&ARGUMENTS[..5], &["--budget", "bytes=64KiB", "--cells", "cloud-*"]].concat();
+    let error = refused(dir.path(), &other);
+    assert!(error.contains("out") && error.contains("other methods, budgets"), "{error}");
+}
+
+#[test]
+fn a_program_that_fails_is_noted_and_the_others_go_on() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let arguments = [
+        "benchmark",
+        "-o",
+        "out",
+        "--cells",
+        "fur-thin-front-front",
+        "--methods",
+        "rays",
+        "--budget",
+        "bytes=1KiB",
+        "--external",
+        "broken=echo no memory >&2; exit 3",
+        "--external",
+        r#"short=echo 1 > "$UMBRAVOX_TRANSMITTANCES""#,
+        "--external",
+        "silent=true",
+    ];
+    let output = umbravox(dir.path(), &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
+    let notes: HashMap<_, _> = table.iter().map(|row| (&*row["method"], &*row["note"])).collect();
+    assert!(notes["broken"].contains("no memory") && notes["broken"].contains('3'), "{notes:?}");
+    assert!(notes["short"].contains("1 lines for 20000 points"), "{notes:?}");
+    assert!(notes["silent"].contains("neither"), "{notes:?}");
+    assert!(table.iter().all(|row| row["point_err_rms"].is_empty()), "rays store nothing: {table:?}");
+}
