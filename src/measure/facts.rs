@@ -51,6 +51,7 @@ impl Facts {
             adapter: self.adapter.clone(),
             method: method.name().into(),
             params: method.params(),
+            published: method.spec().paper().unwrap_or_default().into(),
             map: method.map_size(),
             settings: settings(method),
             width,

@@ -66,6 +66,8 @@ pub(super) const FROM_KEY: Key = Key::choice(
 
 /// Name of the setting for the number of shadow map texels per side.
 pub(super) const MAP: &str = "map";
+/// Name of the setting for the distance of the nodes of a light volume.
+pub(super) const SCALE: &str = "scale";
 /// Setting `map`: number of shadow map texels per side.
 pub(super) const MAP_KEY: Key = Key::whole_or(
     [1, 8192],

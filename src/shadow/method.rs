@@ -4,6 +4,7 @@
 use super::bound::Bound;
 use super::keys::{FROM, MAP, MARCH, NEAR};
 use super::lookup::Lookup;
+use super::published::Published;
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
 use crate::error::{Error, Result};
@@ -33,6 +34,8 @@ pub struct Entry {
     pub curve: &'static str,
     /// Settings with which `umbravox stability` tests this shadow method by default, in command-line syntax.
     pub stability: &'static str,
+    /// Settings of the method's own paper, if that was read: a row of the default comparison table is named after it.
+    pub published: Option<Published>,
     /// Colour and marker of the shadow method in every figure.
     pub style: Style,
 }

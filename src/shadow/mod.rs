@@ -32,6 +32,7 @@ mod method;
 mod moments;
 mod none;
 mod osm;
+mod published;
 mod rays;
 pub mod registry;
 mod search_space;
@@ -57,6 +58,7 @@ pub use method::{
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
+pub use published::Published;
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};
 pub use search_space::{Axis, SearchSpace};

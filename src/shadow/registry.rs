@@ -2,6 +2,7 @@
 //! `NAME[:setting=value,...]`, and `;` separates methods. A value without `=` is one more value of the setting before
 //! it.
 
+use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
 use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
@@ -39,7 +40,11 @@ pub fn entry(name: &str) -> Option<&'static Entry> {
 }
 
 /// Shadow methods that the comparison table measures by default, with their settings, in command-line syntax.
-pub static COMPARED: LazyLock<String> = LazyLock::new(|| joined(|m| m.compared));
+pub static COMPARED: LazyLock<String> = LazyLock::new(|| {
+    let lists =
+        METHODS.iter().flat_map(|m| [m.compared, m.published.map_or("", |published| published.settings)]);
+    lists.filter(|list| !list.is_empty()).collect::<Vec<_>>().join(";")
+});
 /// Shadow methods whose transmittance `umbravox probe --curve` plots by default, in command-line syntax.
 pub static CURVES: LazyLock<String> = LazyLock::new(|| joined(|m| m.curve));
 /// Shadow methods that `umbravox stability` tests by default, in command-line syntax.
@@ -97,6 +102,18 @@ impl Default for MethodSpec {
     /// Returns the default shadow method: deep shadow maps with default settings.
     fn default() -> Self {
         Self::default_of(&dsm::ENTRY)
+    }
+}
+
+impl MethodSpec {
+    /// Returns the paper whose settings these are, whatever the size of the map; `None` for other settings.
+    pub fn paper(&self) -> Option<&'static str> {
+        let published = self.entry().published?;
+        let own: Self = published.settings.parse().ok()?;
+        let mut pairs = self.settings().zip(own.settings());
+        pairs
+            .all(|((key, value), (_, of_paper))| key.name == MAP || value == of_paper)
+            .then_some(published.paper)
     }
 }
 
@@ -234,6 +251,21 @@ mod tests {
                 assert!(methods.iter().all(|method| method.name() == entry.name), "{list}");
             }
             assert!(!entry.stability.is_empty(), "{}", entry.name);
+        }
+    }
+
+    #[test]
+    fn settings_of_papers_are_rows_that_name_them() {
+        let papers: Vec<_> = METHODS.iter().filter_map(|entry| Some((*entry, entry.published?))).collect();
+        assert_eq!(papers.len(), 4, "papers that were read in full");
+        for (entry, published) in papers {
+            let paper = |text: &str| text.parse::<MethodSpec>().unwrap().paper();
+            assert_eq!(paper(published.settings), Some(published.paper));
+            assert_eq!(paper(&format!("{},map=64", published.settings)), Some(published.paper));
+            assert_eq!(paper(entry.name), None);
+            let compared = MethodSpec::parse_list(&COMPARED).unwrap();
+            let of_paper = |spec: &&MethodSpec| spec.paper() == Some(published.paper);
+            assert_eq!(compared.iter().filter(of_paper).count(), 1);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Search space of a shadow method: the values of each setting that a search within a budget of memory or time tries.
 
-use super::keys::MAP;
+use super::keys::{MAP, SCALE};
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Key, Kind, Value, applies};
 
@@ -49,8 +49,8 @@ impl SearchSpace {
     pub fn of(entry: &'static Entry) -> Option<Self> {
         let searched = entry.keys.iter().enumerate().filter(|(_, key)| !key.search_space.is_empty());
         let mut axes: Vec<_> = searched.map(Axis::of).collect();
-        // The size of the map costs most: it is searched last.
-        axes.sort_by_key(|axis| entry.keys[axis.key].name == MAP);
+        // The number of texels or nodes costs most: it is searched last.
+        axes.sort_by_key(|axis| [MAP, SCALE].contains(&entry.keys[axis.key].name));
         (!axes.is_empty()).then(|| Self { defaults: MethodSpec::default_of(entry), axes })
     }
 

@@ -68,6 +68,7 @@ pub const SHOWN: &[TableColumn] = &[
     condition("revision", "program", false),
     text("method", "method", true),
     text("params", "params", true),
+    text("published", "as published", false),
     number("map", "map", "texels"),
     number("build_ms", "build", "ms"),
     number("frame_ms", "frame", "ms"),

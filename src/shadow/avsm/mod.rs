@@ -49,6 +49,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "avsm:nodes=8,16",
     curve: "avsm",
     stability: "avsm:map=64,near=0",
+    published: None,
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
 };
 

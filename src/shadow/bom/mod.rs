@@ -28,6 +28,7 @@ use super::layered::{
 };
 use super::lookup::Lookup;
 use super::method::{Entry, Method, ShadowMap};
+use super::published::Published;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -74,6 +75,10 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "bom:layers=3,7,15",
     curve: "bom:layers=15",
     stability: "bom:map=64,near=0",
+    published: Some(Published {
+        paper: "Voicu 2011",
+        settings: "bom:depth_bits=32,bits=32,near=0,average=depth",
+    }),
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
 };
 

@@ -52,6 +52,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "clusters:clusters=4,8",
     curve: "clusters",
     stability: "clusters:map=64,near=0",
+    published: None,
     style: Style { color: [153, 153, 51], marker: Marker::Pentagon },
 };
 

@@ -24,6 +24,7 @@ use super::layered::{
 };
 use super::lookup::Lookup;
 use super::method::{Entry, Method, ShadowMap};
+use super::published::Published;
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -97,6 +98,10 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "dom:layers=3,7,15",
     curve: "dom:layers=15",
     stability: "dom:map=64,near=0",
+    published: Some(Published {
+        paper: "Yuksel and Keyser 2008",
+        settings: "dom:layers=3,near=0,average=depth",
+    }),
     style: Style { color: [0, 158, 115], marker: Marker::Up },
 };
 

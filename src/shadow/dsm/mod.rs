@@ -48,6 +48,7 @@ use super::keys::{
 };
 use super::lookup::{Lookup, steepest_mm};
 use super::method::{BuildReport, Curve, Entry, Method, ShadowMap, Taps};
+use super::published::Published;
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, GREEDY, MARCH_ERROR, march_bound};
@@ -205,6 +206,10 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "dsm:epsilon=0.06,0.02,0.005",
     curve: "dsm:epsilon=0.06,0.02",
     stability: "dsm:map=64,enclose=on",
+    published: Some(Published {
+        paper: "Hadwiger et al. 2006",
+        settings: "dsm:segments=transmittance,near=0",
+    }),
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
 };
 

@@ -76,6 +76,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "fourier:terms=7,15",
     curve: "fourier:terms=7",
     stability: "fourier:map=64,range=map,texel,near=0",
+    published: None,
     style: Style { color: [136, 34, 85], marker: Marker::Left },
 };
 

@@ -29,6 +29,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "half:share=0.25,0.5",
     curve: "half",
     stability: "half",
+    published: None,
     style: Style { color: [86, 180, 233], marker: Marker::Down },
 };
 

@@ -79,6 +79,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "lightvolume:scale=2,4,build=gather,sweep",
     curve: "lightvolume",
     stability: "lightvolume:build=gather,sweep",
+    published: None,
     style: Style { color: [17, 119, 51], marker: Marker::Triad },
 };
 

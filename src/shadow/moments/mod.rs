@@ -112,6 +112,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "moments:moments=6,8",
     curve: "moments",
     stability: "moments:moments=4,8,map=64,near=0;moments:measure=light,map=64,near=0;moments:basis=trigonometric,map=64,near=0",
+    published: None,
     style: Style { color: [51, 34, 136], marker: Marker::Right },
 };
 

@@ -20,6 +20,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "none",
     curve: "",
     stability: "none",
+    published: None,
     style: Style { color: [0, 0, 0], marker: Marker::Cross },
 };
 

@@ -21,6 +21,7 @@ use super::layered::{
 };
 use super::lookup::Lookup;
 use super::method::{Entry, Method, PassLeftOut, ShadowMap, Taps};
+use super::published::Published;
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -81,6 +82,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "osm:layers=8,32,128",
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64,near=0",
+    published: Some(Published { paper: "Kim and Neumann 2001", settings: "osm:near=0,average=depth" }),
     style: Style { color: [230, 159, 0], marker: Marker::Square },
 };
 

@@ -42,6 +42,7 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "rays",
     curve: "",
     stability: "rays",
+    published: None,
     style: Style { color: [204, 121, 167], marker: Marker::Star },
 };
 
