@@ -1,5 +1,6 @@
 //! Result of one cell of the benchmark, as a JSON file records it.
 
+use crate::error::Result;
 use crate::measure::stats::ErrorStats;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,9 @@ pub struct Answer {
     pub image_rmse: Option<f64>,
     /// Number of settings that the searches for all budgets of this method tried in the cell.
     pub trials: usize,
+    /// Whether the search ended because no step lowered the error, and not after its largest number of trials.
+    #[serde(default)]
+    pub converged: Option<bool>,
     /// Whether a paired bootstrap distinguishes `point_err_rms` from the least of the budget; `None` for that least
     /// itself.
     pub separated: Option<bool>,
@@ -48,13 +52,35 @@ impl Answer {
         self.point_err_rms.unwrap_or(f64::INFINITY)
     }
 
-    /// Sets the columns of transmittance errors.
-    pub fn set_errors(&mut self, stats: &ErrorStats) {
+    /// Returns the names and texts of the values that do not depend on time.
+    pub fn values(&self) -> [(&'static str, String); 6] {
+        let text = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        [
+            ("bytes", self.bytes.map_or(String::new(), |bytes| bytes.to_string())),
+            ("point_err_rms", text(self.point_err_rms)),
+            ("point_err_rms_lo", text(self.point_err_rms_lo)),
+            ("point_err_rms_hi", text(self.point_err_rms_hi)),
+            ("point_err_p99", text(self.point_err_p99)),
+            ("point_err_max", text(self.point_err_max)),
+        ]
+    }
+
+    /// Sets the columns of transmittance errors from pairs of error and weight. Errors that are not finite are noted.
+    ///
+    /// # Errors
+    /// A weight is not valid.
+    pub fn set_errors(&mut self, errors: &[(f64, f64)]) -> Result<()> {
+        let Some(stats) = ErrorStats::of(errors.iter().copied())? else { return Ok(()) };
+        if stats.non_finite > 0 {
+            self.note = format!("{} of {} transmittances are not finite", stats.non_finite, stats.count);
+            return Ok(());
+        }
         self.point_err_rms = Some(stats.rms);
         self.point_err_rms_lo = stats.rms_interval.map(|[low, _]| low);
         self.point_err_rms_hi = stats.rms_interval.map(|[_, high]| high);
         self.point_err_p99 = Some(stats.p99_abs);
         self.point_err_max = Some(stats.max_abs);
+        Ok(())
     }
 }
 
@@ -73,8 +99,11 @@ pub struct CellResult {
     pub exact_hash: String,
     /// Revision of the program that measured the cell.
     pub revision: String,
-    /// Text of the scene file of the cell.
+    /// Text of the scene file of the cell. Its transfer function is `transfer_function`.
     pub scene: String,
+    /// Text of the transfer function of the cell, JSON.
+    #[serde(default)]
+    pub transfer_function: String,
     /// Answers of the methods, budget by budget, then those of external programs.
     pub answers: Vec<Answer>,
 }

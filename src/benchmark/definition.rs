@@ -155,7 +155,10 @@ impl Definition {
         let all = self.cells();
         let refuse = |text: &str, why: &str| Err(Error::input(WHAT, format!("--cells {text}"), why));
         let mut parsed = Vec::new();
-        for text in patterns.split(',') {
+        for text in patterns.split(',').map(str::trim) {
+            if text.contains(['?', '[']) || text.contains("**") {
+                return refuse(text, "only * stands for other text");
+            }
             match Pattern::new(text) {
                 Ok(pattern) if all.iter().any(|cell| pattern.matches(&cell.name)) => parsed.push(pattern),
                 Ok(_) => {

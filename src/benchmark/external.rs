@@ -1,23 +1,27 @@
 //! External programs in the benchmark: a command reads the visible points of a cell and writes their transmittances, or
 //! a picture.
 //!
-//! The command runs in a shell. Environment variables name its files, and [`EXCHANGE`] describes them.
+//! The command runs in a shell, in the working folder of this program. Environment variables name its files by absolute
+//! paths, and [`EXCHANGE`] describes them.
 
 use super::answer::Answer;
 use super::measure::{CellJob, Errors};
 use crate::error::{Error, Result};
+use crate::exact::ExactField;
 use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
 use crate::formats::write_nifti;
 use crate::measure::small_scene::small_scene;
-use crate::measure::stats::{ErrorStats, image_error};
+use crate::measure::stats::image_error;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::str::FromStr;
 use std::time::Instant;
 
 const WHAT: &str = "cannot run external program";
+/// Largest number of characters of a program's output in a message.
+const MOST_QUOTED: usize = 120;
 
 /// Environment variables of an external program: name, file and contents.
 pub const EXCHANGE: [(&str, &str, &str); 7] = [
@@ -47,9 +51,11 @@ impl FromStr for External {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let parts =
-            text.split_once('=').filter(|(name, command)| !name.is_empty() && !command.trim().is_empty());
-        let (name, command) = parts.ok_or("expected NAME=COMMAND")?;
+        let (name, command) = text.split_once('=').ok_or("expected NAME=COMMAND")?;
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if name.is_empty() || !name.chars().all(is_plain) || command.trim().is_empty() {
+            return Err("expected NAME=COMMAND, with letters, digits, `-`, `_` and `.` in NAME".into());
+        }
         if crate::shadow::entry(name).is_some() {
             return Err(format!("`{name}` is the name of a shadow method"));
         }
@@ -71,25 +77,43 @@ impl External {
         let start = Instant::now();
         let ran = self.run(&files);
         answer.frame_ms = Some(start.elapsed().as_secs_f64() * 1e3);
-        let errors = ran.and_then(|()| files.read_answers(cell, &mut answer)).unwrap_or_else(|e| {
-            answer.note = e.to_string();
-            Errors::new()
+        let errors = ran.and_then(|()| files.read_transmittances(cell)).and_then(|errors| {
+            answer.set_errors(&errors)?;
+            Ok(errors)
         });
-        Ok((answer, errors))
+        let picture = files.picture_error(cell);
+        match (errors, picture) {
+            (Ok(errors), Ok(picture)) => {
+                answer.image_rmse = picture;
+                if errors.is_empty() && picture.is_none() {
+                    answer.note = "it wrote neither transmittances nor a picture".into();
+                }
+                Ok((answer, errors))
+            }
+            (Err(e), _) | (_, Err(e)) => {
+                answer.note = e.to_string();
+                Ok((Answer { point_err_rms: None, ..answer }, Errors::new()))
+            }
+        }
     }
 
     fn run(&self, files: &Files) -> Result<()> {
         let failed = |why: String| Error::runtime(WHAT, &self.name, why);
         let mut command = Command::new("sh");
-        command.arg("-c").arg(&self.command);
+        command.arg("-c").arg(&self.command).stdin(Stdio::null()).stdout(Stdio::null());
         command.envs(EXCHANGE.map(|(variable, file, _)| (variable, files.path(file))));
         let output = command.output().map_err(|e| failed(e.to_string()))?;
         if output.status.success() {
             return Ok(());
         }
         let said = String::from_utf8_lossy(&output.stderr);
-        Err(failed(format!("{}: {}", output.status, said.lines().last().unwrap_or_default())))
+        Err(failed(format!("{}: {}", output.status, shortened(said.lines().last().unwrap_or_default()))))
     }
+}
+
+/// Returns the beginning of a text that a program wrote, for a message in one line.
+fn shortened(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(MOST_QUOTED).collect()
 }
 
 /// Files that an external program reads and writes, in one folder.
@@ -113,51 +137,41 @@ impl Files<'_> {
         for (name, text) in texts {
             write_whole(&self.path(name), |file| file.write_all(text.as_bytes()))?;
         }
-        for name in ["transmittances.txt", "picture.exr"] {
-            // An answer of another cell must not remain; a file that is missing is no error.
-            let _ = fs::remove_file(self.path(name));
-        }
         write_nifti(job.volume, &self.path("volume.nii"))
     }
 
-    /// Reads the transmittances or the picture of the program, at least one of the two. Returns the errors of the
-    /// transmittances.
-    fn read_answers(&self, cell: &CellJob, answer: &mut Answer) -> Result<Errors> {
-        let (points, picture) = (self.path("transmittances.txt"), self.path("picture.exr"));
-        if !points.exists() && !picture.exists() {
-            return Err(Error::runtime(
-                WHAT,
-                &answer.method,
-                "it wrote neither transmittances nor a picture",
-            ));
+    /// Reads the transmittances of the program, and returns their errors with the weights of the points. It returns no
+    /// errors where the program wrote no file.
+    fn read_transmittances(&self, cell: &CellJob) -> Result<Errors> {
+        let path = self.path("transmittances.txt");
+        if !path.exists() {
+            return Ok(Errors::new());
         }
-        let errors = if points.exists() { transmittance_errors(&points, cell)? } else { Errors::new() };
-        if let Some(stats) = ErrorStats::of(errors.iter().copied())? {
-            answer.set_errors(&stats);
+        let refuse = |why: String| Error::runtime(WHAT, "transmittances.txt", why);
+        let text = fs::read_to_string(&path).map_err(|e| refuse(e.to_string()))?;
+        let parse = |(line, text): (usize, &str)| {
+            let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+            value.ok_or_else(|| refuse(format!("line {}: `{}` is not a number", line + 1, shortened(text))))
+        };
+        let values = text.lines().enumerate().map(parse).collect::<Result<Vec<_>>>()?;
+        let visible = cell.visible();
+        if values.len() != visible.len() {
+            return Err(refuse(format!("{} lines for {} points", values.len(), visible.len())));
         }
-        if picture.exists() {
-            let job = cell.job();
-            let exact = crate::exact::ExactField::new(job.volume, job.tf).picture(&small_scene(job.scene));
-            answer.image_rmse = Some(image_error(read_exr(&picture)?.view(), exact.view())?.rmse);
-        }
-        Ok(errors)
+        let errors = values.iter().zip(visible.exact()).map(|(value, exact)| value - exact);
+        Ok(errors.zip(visible.weights().iter().copied()).collect())
     }
-}
 
-/// Reads the transmittances of a program, and returns their errors with the weights of the points.
-fn transmittance_errors(path: &Path, cell: &CellJob) -> Result<Errors> {
-    let refuse = |why: String| Error::runtime(WHAT, path.display(), why);
-    let text = fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
-    let parse = |(line, text): (usize, &str)| {
-        text.trim().parse::<f64>().map_err(|_| refuse(format!("line {}: `{text}` is no number", line + 1)))
-    };
-    let values = text.lines().enumerate().map(parse).collect::<Result<Vec<_>>>()?;
-    let visible = cell.visible();
-    if values.len() != visible.len() {
-        return Err(refuse(format!("{} lines for {} points", values.len(), visible.len())));
+    /// Returns the rms difference of the program's picture from the exact one; `None` where it drew no picture.
+    fn picture_error(&self, cell: &CellJob) -> Result<Option<f64>> {
+        let path = self.path("picture.exr");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let job = cell.job();
+        let exact = ExactField::new(job.volume, job.tf).picture(&small_scene(job.scene));
+        Ok(Some(image_error(read_exr(&path)?.view(), exact.view())?.rmse))
     }
-    let errors = values.iter().zip(visible.exact()).map(|(value, exact)| value - exact);
-    Ok(errors.zip(visible.weights().iter().copied()).collect())
 }
 
 #[cfg(test)]
@@ -168,7 +182,7 @@ mod tests {
     fn names_of_methods_are_not_names_of_programs() {
         let vtk: External = "vtk=python3 a.py --x=1".parse().unwrap();
         assert_eq!((&*vtk.name, &*vtk.command), ("vtk", "python3 a.py --x=1"));
-        for bad in ["", "vtk", "vtk=", "=x", "dsm=x"] {
+        for bad in ["", "vtk", "vtk=", "=x", "dsm=x", " dsm=x", "a|b=x"] {
             assert!(bad.parse::<External>().is_err(), "{bad}");
         }
     }

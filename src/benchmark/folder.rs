@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 const WHAT: &str = "cannot use benchmark folder";
 /// Name of the file that says how a benchmark runs.
 const RUN: &str = "run.json";
+const RUN_HINT: &str = "choose another folder with -o";
+const CELL_HINT: &str = "remove the file to measure the cell again";
 
 /// Conditions of a benchmark run, which all cells of a folder share.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,6 +32,8 @@ pub struct Conditions {
     pub adapter: String,
     /// Driver of the graphics adapter.
     pub driver: String,
+    /// Revision of the program.
+    pub revision: String,
 }
 
 /// Folder of benchmark results.
@@ -41,21 +45,27 @@ impl<'a> Folder<'a> {
     /// # Errors
     /// The folder holds the results of other conditions, or cannot be written.
     pub fn open(path: &'a Path, conditions: &Conditions) -> Result<Self> {
-        let run = path.join(RUN);
-        if run.exists() {
-            let known: Conditions = read_json(&run)?;
-            if known != *conditions {
-                let why =
-                    "it holds the results of another benchmark, other methods, budgets or another adapter";
-                return Err(Error::input(WHAT, path.display(), why).hint("choose another folder with -o"));
-            }
-        }
         prepare_output_dir(path)?;
+        let run = path.join(RUN);
+        let known = if run.exists() { read_json(&run, RUN_HINT)? } else { conditions.clone() };
+        if known != *conditions {
+            let why = "it holds results of other methods, budgets or programs, another adapter or revision";
+            return Err(Error::input(WHAT, path.display(), why).hint("choose another folder with -o"));
+        }
         prepare_output_dir(&path.join("cells"))?;
         if !run.exists() {
             write_json(&run, conditions)?;
         }
         Ok(Self(path))
+    }
+
+    /// Opens a folder of results to read it. Returns `None` if it holds no results of the benchmark.
+    ///
+    /// # Errors
+    /// `run.json` cannot be read.
+    pub fn archived(path: &'a Path) -> Result<Option<(Self, Conditions)>> {
+        let is_there = path.join("cells").is_dir() && path.join(RUN).is_file();
+        is_there.then(|| Ok((Self(path), read_json(&path.join(RUN), RUN_HINT)?))).transpose()
     }
 
     /// Path of the folder.
@@ -69,7 +79,7 @@ impl<'a> Folder<'a> {
     /// The file of the cell cannot be read.
     pub fn result(&self, cell: &Cell) -> Result<Option<CellResult>> {
         let path = self.file(cell);
-        if path.exists() { read_json(&path).map(Some) } else { Ok(None) }
+        if path.exists() { read_json(&path, CELL_HINT).map(Some) } else { Ok(None) }
     }
 
     /// Records the result of a cell.
@@ -85,11 +95,9 @@ impl<'a> Folder<'a> {
     }
 }
 
-fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
+fn read_json<T: for<'de> Deserialize<'de>>(path: &Path, hint: &str) -> Result<T> {
     let bytes = fs::read(path).map_err(|e| Error::runtime(WHAT, path.display(), e))?;
-    serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(WHAT, path.display(), e).hint("without the file, the cell is measured again")
-    })
+    serde_json::from_slice(&bytes).map_err(|e| Error::input(WHAT, path.display(), e).hint(hint))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

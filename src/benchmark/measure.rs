@@ -9,16 +9,16 @@ use crate::measure::budget::search::{Search, Side};
 use crate::measure::budget::{Budget, By};
 use crate::measure::errors::VisiblePoints;
 use crate::measure::job::{Effort, Job};
-use crate::measure::stats::{ErrorStats, rms_difference_interval};
+use crate::measure::stats::rms_difference_interval;
 use crate::measure::table::Row;
 use crate::measure::timing::Timing;
 use crate::shadow::{BuildReport, Entry, Method, MethodSpec, SearchSpace, ShadowMap};
 use itertools::Itertools as _;
 
-/// Largest number of trials of a method for each budget: in the first cell of a volume and transfer function, and in the
-/// cells beside it, whose searches start from the settings found there. All methods have the same numbers.
-const FULL_TRIALS: usize = 24;
-const NEARBY_TRIALS: usize = 4;
+/// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
+/// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
+const FULL_TRIALS: usize = 6;
+const NEARBY_TRIALS: usize = 1;
 /// Number of timed runs of the settings found within a budget of time.
 const TIMED_RUNS: usize = 3;
 
@@ -84,7 +84,8 @@ impl<'a> CellJob<'a> {
         Ok(found)
     }
 
-    /// Searches the best settings of one method within each budget, smaller budgets first.
+    /// Searches the best settings of one method within each budget, smaller budgets first. Searches within memory and
+    /// within time share nothing, since times vary.
     fn search(
         &self,
         space: &SearchSpace,
@@ -92,37 +93,67 @@ impl<'a> CellJob<'a> {
         budgets: &[Budget],
         first: Option<&CellResult>,
     ) -> Result<Vec<(Answer, Errors)>> {
+        let mut found = Vec::new();
+        for of_time in [false, true] {
+            let is_own = |budget: &&Budget| matches!(budget, Budget::Ms(_)) == of_time;
+            let own: Vec<Budget> = budgets.iter().filter(is_own).copied().collect();
+            let known = first.map_or(&[][..], |first| &first.answers).iter();
+            let is_known =
+                |a: &&Answer| a.method == entry.name && own.iter().any(|b| b.to_string() == a.budget);
+            let starts =
+                known.filter(is_known).filter(|a| !a.settings.is_empty()).map(|a| &a.settings).unique();
+            let starts = starts.map(|settings| Ok(space.place_of(&settings.parse::<MethodSpec>()?)));
+            let starts = starts.collect::<Result<Vec<_>>>()?;
+            found.extend(self.search_kind((space, entry), &own, &starts, first.is_some())?);
+        }
+        Ok(found)
+    }
+
+    /// Searches the best settings of one method within budgets of one kind.
+    fn search_kind(
+        &self,
+        (space, entry): (&SearchSpace, &'static Entry),
+        budgets: &[Budget],
+        starts: &[Vec<usize>],
+        is_nearby: bool,
+    ) -> Result<Vec<(Answer, Errors)>> {
         let mut note = String::new();
         let attempt = |place: &[usize]| {
             let method = space.method(place).ok_or_else(|| no_method(entry))?;
-            Ok(self.trial(method.as_ref(), budgets).unwrap_or_else(|e| {
+            self.trial(method.as_ref(), budgets).or_else(|e| {
+                // A failure of the device would fail all further trials.
+                if e.is_cancelled() || self.job.session.renderer.gpu().loss().reason().is_some() {
+                    return Err(e);
+                }
                 note = e.to_string();
-                Row { note: e.to_string(), ..Row::default() }
-            }))
+                Ok(Row { note: e.to_string(), ..Row::default() })
+            })
         };
         let sides = space.axes().iter().map(|a| Side { len: a.len(), ordered: a.ordered }).collect();
-        let most_trials = if first.is_some() { NEARBY_TRIALS } else { FULL_TRIALS };
+        let most_trials = space.axes().len() * if is_nearby { NEARBY_TRIALS } else { FULL_TRIALS };
         let mut search = Search::new(sides, |place| space.canonical(place), attempt).limited_to(most_trials);
-        let known = first.map_or(&[][..], |first| &first.answers).iter();
-        let starts = known.filter(|a| a.method == entry.name && !a.settings.is_empty()).map(|a| &a.settings);
-        for settings in starts.unique() {
-            search.try_first(&space.place_of(&settings.parse::<MethodSpec>()?))?;
+        for (budget, place) in
+            budgets.iter().flat_map(|budget| starts.iter().map(move |place| (budget, place)))
+        {
+            search.start_from(*budget, place)?;
         }
+        let mut converged = Vec::new();
         for budget in budgets {
-            search.look(*budget, By::Points, &space.default_place())?;
+            converged.push(search.look(*budget, By::Points, &space.default_place())?);
         }
         let best: Vec<_> = budgets.iter().map(|budget| search.best_known(*budget, By::Points)).collect();
         let trials = search.tried.len();
         drop(search);
         let mut answers = Vec::new();
-        for (budget, place) in budgets.iter().zip(best) {
-            let mut answer =
-                Answer { budget: budget.to_string(), method: entry.name.into(), trials, ..Answer::default() };
+        for ((budget, place), converged) in budgets.iter().zip(best).zip(converged) {
+            let (text, method) = (budget.to_string(), entry.name.to_owned());
+            let mut answer = Answer { budget: text, method, trials, ..Answer::default() };
             let mut errors = Errors::new();
             match place {
                 Some(place) => {
                     let method = space.method(&place).ok_or_else(|| no_method(entry))?;
-                    errors = self.measure(method.as_ref(), *budget, &mut answer)?;
+                    answer.converged = Some(converged);
+                    errors = self.measure(method.as_ref(), Some(*budget), &mut answer)?;
                 }
                 None => answer.note.clone_from(&note),
             }
@@ -146,12 +177,18 @@ impl<'a> CellJob<'a> {
         Ok(trial)
     }
 
-    /// Measures a method with the settings that the search found, and returns its error at every visible point.
-    fn measure(&self, method: &dyn Method, budget: Budget, answer: &mut Answer) -> Result<Errors> {
+    /// Measures errors and memory of a method, and its times for a budget of time. Returns its error at every visible
+    /// point.
+    pub(super) fn measure(
+        &self,
+        method: &dyn Method,
+        budget: Option<Budget>,
+        answer: &mut Answer,
+    ) -> Result<Errors> {
         let shadow = self.build(method)?;
         answer.settings = method.spec().to_string();
         answer.bytes = Some(BuildReport::of_all([&shadow]).bytes);
-        if matches!(budget, Budget::Ms(_)) {
+        if matches!(budget, Some(Budget::Ms(_))) {
             let mut times = Vec::new();
             for _ in 0..TIMED_RUNS {
                 self.job.keep_busy()?;
@@ -159,11 +196,13 @@ impl<'a> CellJob<'a> {
             }
             let timing = Timing::of(&times)?;
             [answer.build_ms, answer.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
+            let needed_ms = timing.build_ms.median + timing.frame_ms.median;
+            if let Some(budget) = budget.filter(|budget| needed_ms > budget.amount()) {
+                answer.note = format!("takes {needed_ms:.1} ms when measured again, more than {budget}");
+            }
         }
         let errors = self.visible.weighted(self.job.session, &shadow)?;
-        if let Some(stats) = ErrorStats::of(errors.iter().copied())? {
-            answer.set_errors(&stats);
-        }
+        answer.set_errors(&errors)?;
         Ok(errors)
     }
 
@@ -197,7 +236,8 @@ pub fn compared(
         answers.extend(all.iter().map(|(answer, errors)| {
             let least = least.filter(|(best, _)| best.method != answer.method);
             let interval = least.and_then(|(_, of_best)| rms_difference_interval(errors, of_best));
-            Answer { separated: interval.map(|[low, _]| low > 0.0), ..answer.clone() }
+            let separated = interval.filter(|[low, _]| !low.is_nan()).map(|[low, _]| low > 0.0);
+            Answer { separated, ..answer.clone() }
         }));
     }
     answers

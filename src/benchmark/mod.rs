@@ -16,5 +16,6 @@ pub mod pages;
 mod plot;
 pub mod ranking;
 mod run;
+mod verify;
 
 pub use run::Run;

@@ -1,6 +1,7 @@
 //! Files of the benchmark's results: `benchmark.csv`, `ranking.csv`, `benchmark.md` and critical-difference plots.
 
 use super::answer::{Answer, CellResult};
+use super::exact::is_expected;
 use super::plot::critical_difference;
 use super::ranking::{Rank, Ranking, rankings};
 use crate::error::Result;
@@ -34,6 +35,7 @@ struct Row<'a> {
     point_err_max: Option<f64>,
     image_rmse: Option<f64>,
     trials: usize,
+    converged: Option<bool>,
     separated: Option<bool>,
     note: &'a str,
 }
@@ -60,6 +62,7 @@ impl<'a> Row<'a> {
             point_err_max: answer.point_err_max,
             image_rmse: answer.image_rmse,
             trials: answer.trials,
+            converged: answer.converged,
             separated: answer.separated,
             note: &answer.note,
         }
@@ -81,7 +84,7 @@ pub fn write(results: &[CellResult], made_by: &str, folder: &Path) -> Result<(Ve
         ("ranking.csv".to_owned(), csv(&ranks)?),
         ("benchmark.md".to_owned(), page.clone().into_bytes()),
     ];
-    for ranking in &rankings {
+    for ranking in rankings.iter().filter(|ranking| !ranking.ranks.is_empty()) {
         let plot = critical_difference(ranking);
         let stem = plot_stem(ranking);
         files.push((format!("{stem}.svg"), plot.svg(None).into_string().into_bytes()));
@@ -100,13 +103,19 @@ fn plot_stem(ranking: &Ranking) -> String {
 
 fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
     let cells = results.len();
-    let mut page = format!("# Benchmark: {cells} cells\n\n{made_by}\n");
-    for ranking in rankings {
+    let mut page = format!("# Benchmark results\n\n{made_by}\n");
+    let unexpected = results.iter().filter(|result| !is_expected(&result.cell, &result.exact_hash)).count();
+    if unexpected > 0 {
+        page += &format!(
+            "\nIn {unexpected} of {cells} cells the hash of the exact transmittances is not the one that the benchmark expects.\n"
+        );
+    }
+    for ranking in rankings.iter().filter(|ranking| !ranking.ranks.is_empty()) {
         page += &format!("\n## Within {}\n\n", ranking.budget);
         page += &shares(ranking);
         page += &match ranking.critical_difference {
             Some(difference) => format!(
-                "\nMean ranks of {} volumes differ from {} on (Nemenyi's test at 5 %).\n",
+                "\nTwo mean ranks over {} volumes differ at the 5 % level if they are at least {} apart (Nemenyi's test).\n",
                 ranking.volumes,
                 significant(difference, 3)
             ),
@@ -134,13 +143,14 @@ fn shares(ranking: &Ranking) -> String {
         ("error / least", Align::Right),
     ];
     let percent = |share: f64| format!("{:.0}", 100.0 * share);
+    let over_volumes = |(low, high): (f64, f64)| format!("{} to {}", percent(low), percent(high));
     let row = |r: &Rank| {
         vec![
             format!("`{}`", r.method),
             r.answered.to_string(),
             r.won.to_string(),
             format!("{} % ({} to {})", percent(r.share), percent(r.share_lo), percent(r.share_hi)),
-            format!("{} to {}", percent(r.share_volumes_lo), percent(r.share_volumes_hi)),
+            r.share_volumes_lo.zip(r.share_volumes_hi).map_or(String::new(), over_volumes),
             r.not_separated.to_string(),
             format!("{:.2}", r.mean_rank),
             r.ratio.map_or(String::new(), |ratio| significant(ratio, 3)),

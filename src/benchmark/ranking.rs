@@ -2,9 +2,10 @@
 //! difference.
 //!
 //! Cells of one volume are alike, so two intervals of a share are given: Wilson's (1927, *Probable inference*), which takes
-//! the cells as independent, and one by a bootstrap over volumes. Ranks are averaged within each volume first, and the
-//! critical difference (Nemenyi's test; Demšar 2006, *Statistical comparisons of classifiers over multiple data sets*) is
-//! that of as many samples as there are volumes.
+//! the cells as independent, and one by a bootstrap over volumes. Ranks are averaged within each volume, and the volume
+//! ranks the methods by these means. The critical difference (Nemenyi's test; Demšar 2006, *Statistical comparisons of
+//! classifiers over multiple data sets*) is that of as many samples as there are volumes. Methods that have no answer in
+//! any cell take no part.
 
 use super::answer::{Answer, CellResult};
 use crate::random::Chance;
@@ -40,16 +41,17 @@ pub struct Rank {
     pub share_lo: f64,
     /// Upper end of Wilson's 95 % interval of `share`.
     pub share_hi: f64,
-    /// Lower end of the 95 % interval of `share` by a bootstrap over volumes.
-    pub share_volumes_lo: f64,
+    /// Lower end of the 95 % interval of `share` by a bootstrap over volumes; `None` for a single volume.
+    pub share_volumes_lo: Option<f64>,
     /// Upper end of the 95 % interval of `share` by a bootstrap over volumes.
-    pub share_volumes_hi: f64,
+    pub share_volumes_hi: Option<f64>,
     /// Number of cells in which the method has the least error, or one that a paired bootstrap does not distinguish from
     /// it.
     pub not_separated: usize,
-    /// Mean rank of the method by error, averaged within each volume first.
+    /// Mean over volumes of the method's rank in each; a volume ranks methods by their mean rank in its cells.
     pub mean_rank: f64,
-    /// Geometric mean of the ratio of the method's error to the least error of the cell, over the cells with an answer.
+    /// Geometric mean of the ratio of the method's error to the least error of the cell, over the cells with an answer
+    /// and a least error above 0.
     pub ratio: Option<f64>,
 }
 
@@ -76,14 +78,11 @@ struct Ranked<'a> {
 impl<'a> Ranked<'a> {
     /// Ranks the answers of a cell by error. Equal errors share the mean of their ranks; methods without an answer share
     /// the last.
-    fn of(result: &'a CellResult, budget: &str) -> Self {
-        let answers: Vec<&Answer> = result.answers.iter().filter(|a| a.budget == budget).collect();
-        let rank = |own: &Answer| {
-            let smaller = answers.iter().filter(|other| other.error() < own.error()).count();
-            let equal = answers.iter().filter(|other| other.error() == own.error()).count();
-            smaller as f64 + 0.5 * (equal as f64 + 1.0)
-        };
-        Self { volume: &result.volume, answers: answers.iter().map(|a| (*a, rank(a))).collect() }
+    fn of(result: &'a CellResult, budget: &str, methods: &[&str]) -> Self {
+        let own = |a: &&Answer| a.budget == budget && methods.contains(&&*a.method);
+        let answers: Vec<&Answer> = result.answers.iter().filter(own).collect();
+        let errors: Vec<f64> = answers.iter().map(|answer| answer.error()).collect();
+        Self { volume: &result.volume, answers: answers.into_iter().zip(ranks(&errors)).collect() }
     }
 
     fn of_method(&self, method: &str) -> Option<(&'a Answer, f64)> {
@@ -106,13 +105,47 @@ pub fn rankings(results: &[CellResult]) -> Vec<Ranking> {
 }
 
 fn ranking(results: &[CellResult], budget: &str) -> Ranking {
-    let cells: Vec<Ranked> = results.iter().map(|result| Ranked::of(result, budget)).collect();
-    let methods = cells.iter().flat_map(|cell| &cell.answers).map(|(answer, _)| &*answer.method).unique();
-    let mut ranks: Vec<Rank> = methods.map(|method| rank(&cells, budget, method)).collect();
+    let answered = results.iter().flat_map(|result| &result.answers);
+    let answered = answered.filter(|a| a.budget == budget && a.point_err_rms.is_some());
+    let methods: Vec<&str> = answered.map(|answer| &*answer.method).unique().collect();
+    let cells: Vec<Ranked> = results.iter().map(|result| Ranked::of(result, budget, &methods)).collect();
+    let volumes: Vec<&str> = cells.iter().map(|cell| cell.volume).unique().collect();
+    let of_volumes: Vec<Vec<f64>> =
+        volumes.iter().map(|volume| volume_ranks(&cells, volume, &methods)).collect();
+    let mean_rank = |at: usize| mean(&of_volumes.iter().map(|ranks| ranks[at]).collect::<Vec<_>>());
+    let rank =
+        |(at, method): (usize, &&str)| Rank { mean_rank: mean_rank(at), ..rank(&cells, budget, method) };
+    let mut ranks: Vec<Rank> = methods.iter().enumerate().map(rank).collect();
     ranks.sort_by(|a, b| a.mean_rank.total_cmp(&b.mean_rank));
-    let volumes = cells.iter().map(|cell| cell.volume).unique().count();
-    let critical_difference = critical_difference(ranks.len(), volumes);
-    Ranking { budget: budget.into(), ranks, critical_difference, volumes }
+    let critical_difference = critical_difference(ranks.len(), volumes.len());
+    Ranking { budget: budget.into(), ranks, critical_difference, volumes: volumes.len() }
+}
+
+/// Returns the rank of each of several values, the least first. Equal values share the mean of their ranks.
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let rank = |own: &f64| {
+        let smaller = values.iter().filter(|other| *other < own).count();
+        let equal = values.iter().filter(|other| *other == own).count();
+        smaller as f64 + 0.5 * (equal as f64 + 1.0)
+    };
+    values.iter().map(rank).collect()
+}
+
+/// Ranks the methods on a volume by their mean ranks in its cells.
+fn volume_ranks(cells: &[Ranked], volume: &str, methods: &[&str]) -> Vec<f64> {
+    let own: Vec<&Ranked> = cells.iter().filter(|cell| cell.volume == volume).collect();
+    let last = methods.len() as f64;
+    let of_method = |method: &&str| {
+        let ranks: Vec<f64> =
+            own.iter().map(|cell| cell.of_method(method).map_or(last, |(_, rank)| rank)).collect();
+        // Means of equal ranks may differ in the last bits.
+        (mean(&ranks) * 1e9).round()
+    };
+    ranks(&methods.iter().map(of_method).collect::<Vec<_>>())
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
@@ -127,17 +160,9 @@ fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
         (ratio.is_finite() && ratio > 0.0).then(|| ratio.ln())
     };
     let logarithms: Vec<f64> = answered.iter().copied().filter_map(|own| logarithm(&own)).collect();
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let by_volume = own.iter().map(|(cell, (_, rank))| (cell.volume, *rank)).into_group_map();
-    let of_volumes: Vec<f64> = own
-        .iter()
-        .map(|(cell, _)| cell.volume)
-        .unique()
-        .filter_map(|v| by_volume.get(v))
-        .map(|r| mean(r))
-        .collect();
     let [share_lo, share_hi] = wilson(won, cells.len());
-    let [share_volumes_lo, share_volumes_hi] = share_over_volumes(cells, method);
+    let over_volumes = share_over_volumes(cells, method);
+    let [share_volumes_lo, share_volumes_hi] = [0, 1].map(|end| over_volumes.map(|ends| ends[end]));
     Rank {
         budget: budget.into(),
         method: method.into(),
@@ -150,7 +175,7 @@ fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
         share_volumes_lo,
         share_volumes_hi,
         not_separated: answered.iter().filter(not_separated).count(),
-        mean_rank: mean(&of_volumes),
+        mean_rank: f64::NAN,
         ratio: (!logarithms.is_empty()).then(|| mean(&logarithms).exp()),
     }
 }
@@ -164,8 +189,9 @@ pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
     [((centre - half) / scale).max(0.0), ((centre + half) / scale).min(1.0)]
 }
 
-/// Returns the 95 % interval of the share of cells that a method wins, by a bootstrap over volumes.
-fn share_over_volumes(cells: &[Ranked], method: &str) -> [f64; 2] {
+/// Returns the 95 % interval of the share of cells that a method wins, by a bootstrap over volumes; `None`
+/// for a single volume.
+fn share_over_volumes(cells: &[Ranked], method: &str) -> Option<[f64; 2]> {
     let volumes = cells.iter().map(|cell| (cell.volume, cell.is_won_by(method))).into_group_map();
     // A hash map has no fixed order, and the random choices depend on it.
     let volumes: Vec<[f64; 2]> = volumes
@@ -173,6 +199,9 @@ fn share_over_volumes(cells: &[Ranked], method: &str) -> [f64; 2] {
         .sorted()
         .map(|(_, won)| [won.iter().filter(|won| **won).count() as f64, won.len() as f64])
         .collect();
+    if volumes.len() < 2 {
+        return None;
+    }
     let mut chance = Chance::new(BOOTSTRAP_SEED, 0);
     let mut shares: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
         .map(|_| {
@@ -183,7 +212,7 @@ fn share_over_volumes(cells: &[Ranked], method: &str) -> [f64; 2] {
         .collect();
     shares.sort_by(f64::total_cmp);
     let tail = BOOTSTRAP_SAMPLES / 40;
-    [shares[tail], shares[BOOTSTRAP_SAMPLES - 1 - tail]]
+    Some([shares[tail], shares[BOOTSTRAP_SAMPLES - 1 - tail]])
 }
 
 /// Returns the difference of the mean ranks of `methods` methods over `samples` samples from which they differ.
@@ -239,12 +268,22 @@ mod tests {
         let [x, y, z] = &rankings[0].ranks[..] else { panic!("three methods") };
         assert_eq!((&*x.method, x.cells, x.answered, x.won, x.not_separated), ("x", 3, 3, 2, 3));
         assert_eq!((&*z.method, z.answered, z.won, z.not_separated), ("z", 1, 0, 0));
-        // Ranks of x: (1 + 2) / 2 on volume a, and 1 on volume b.
+        // On volume a, x and y have the mean rank 1.5 and share rank 1.5; on volume b they have 1 and 2.
         assert_eq!((x.mean_rank, y.mean_rank, z.mean_rank), (1.25, 1.75, 3.0));
         let ratio = (2.0_f64 * 1.0 * 4.0).powf(1.0 / 3.0);
         assert!((y.ratio.unwrap() - ratio).abs() < 1e-12);
         assert!((z.ratio.unwrap() - 8.0).abs() < 1e-12);
-        assert!(x.share_volumes_lo <= 0.5 + 1e-12 && x.share_volumes_hi == 1.0);
+        assert_eq!([x.share_volumes_lo, x.share_volumes_hi], [Some(0.5), Some(1.0)]);
+    }
+
+    #[test]
+    fn methods_without_answers_take_no_part() {
+        let cells =
+            [cell("a", &[("x", Some(0.1), None), ("y", Some(0.2), Some(true)), ("rays", None, None)])];
+        let ranking = rankings(&cells).remove(0);
+        assert_eq!(ranking.ranks.iter().map(|r| &*r.method).collect::<Vec<_>>(), ["x", "y"]);
+        assert_eq!((ranking.ranks[0].share_volumes_lo, ranking.critical_difference), (None, None));
+        assert!(rankings(&[cell("a", &[("rays", None, None)])])[0].ranks.is_empty());
     }
 
     #[test]

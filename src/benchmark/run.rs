@@ -2,19 +2,18 @@
 
 use super::answer::CellResult;
 use super::definition::{Cell, Definition};
-use super::exact;
 use super::external::External;
 use super::folder::Folder;
 use super::measure::{CellJob, compared, effort};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::output::prepare_output_dir;
 use crate::measure::budget::Budget;
 use crate::measure::facts::REVISION;
 use crate::measure::job::Job;
 use crate::measure::small_scene::small_scene;
 use crate::open::{Loaded, SceneSettings, VolumeSpec};
 use crate::render::{DisabledOptimizations, Renderer, Session};
+use crate::report::verify::Verified;
 use crate::scene::Scene;
 use crate::shadow::Entry;
 use crate::volume::Volume;
@@ -85,7 +84,8 @@ impl Run<'_> {
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
                 let first = cell.first(&all).filter(|first| *first != cell);
                 let first = first.map(|first| folder.result(first)).transpose()?.flatten();
-                let result = self.measure_cell(cell, (&loaded, session), first.as_ref(), folder, watch)?;
+                let result =
+                    self.measure_cell(cell, (&loaded, session, &subject.settings), first.as_ref(), watch)?;
                 folder.record(cell, &result)?;
             }
         }
@@ -116,38 +116,42 @@ impl Run<'_> {
     fn measure_cell(
         &self,
         cell: &Cell,
-        (loaded, session): (&Loaded, &Session),
+        (loaded, session, settings): (&Loaded, &Session, &SceneSettings),
         first: Option<&CellResult>,
-        folder: &Folder,
         watch: Watch,
     ) -> Result<CellResult> {
         let subject = (&*loaded.volume, &loaded.tf);
         let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
         let cell_job = CellJob::new(job)?;
-        exact::check(&cell.name, &cell_job.hash)?;
-        let scene = scene_text(loaded, &loaded.scene, &cell.name)?;
         let mut of_externals = Vec::new();
         for external in self.externals {
             watch(&format!("{}: {}", cell.name, external.name))?;
-            let exchange = folder.path().join("exchange");
-            prepare_output_dir(&exchange)?;
-            let small = scene_text(loaded, &small_scene(&loaded.scene), &cell.name)?;
-            of_externals.push(external.answer(&cell_job, [&scene, &small], &exchange)?);
+            let scenes = [loaded.scene.clone(), small_scene(&loaded.scene)];
+            let spec = VolumeSpec::new("volume.nii");
+            let [scene, small] = scenes.map(|scene| scene_text(loaded, spec.clone(), &scene, &cell.name));
+            let failed = |e: std::io::Error| Error::runtime("cannot run external program", &external.name, e);
+            // Each program has a folder of its own, which other processes do not use.
+            let exchange = tempfile::tempdir().map_err(failed)?;
+            of_externals.push(external.answer(&cell_job, [&scene?, &small?], exchange.path())?);
         }
         let mut step = |method: &str| watch(&format!("{}: {method}", cell.name));
         let found = cell_job.search_all(self.methods, self.budgets, first, &mut step)?;
         let answers = compared(self.budgets, found, &of_externals);
-        let volume = self.definition.volume[cell.volume].name.clone();
-        let function = cell.function.into();
-        let (cell, points, exact_hash) = (cell.name.clone(), cell_job.visible().len(), cell_job.hash.clone());
+        let mut spec = settings.spec();
+        if let Some(file) =
+            Path::new(&spec.source).file_name().filter(|_| !spec.source.starts_with("phantom:"))
+        {
+            spec.source = file.to_string_lossy().into_owned();
+        }
         Ok(CellResult {
-            cell,
-            volume,
-            function,
-            points,
-            exact_hash,
+            cell: cell.name.clone(),
+            volume: self.definition.volume[cell.volume].name.clone(),
+            function: cell.function.into(),
+            points: cell_job.visible().len(),
+            exact_hash: cell_job.hash.clone(),
             revision: REVISION.into(),
-            scene,
+            scene: scene_text(loaded, spec, &loaded.scene, &cell.name)?,
+            transfer_function: loaded.tf.to_json(),
             answers,
         })
     }
@@ -155,18 +159,56 @@ impl Run<'_> {
     /// Computes the hashes of the exact transmittances of all selected cells, as lines of `exact.tsv`.
     ///
     /// # Errors
-    /// A volume cannot be read, the device is lost, or `watch` ends the run.
+    /// See [`Self::visit`].
     pub fn hashes(&self, renderer: &Arc<Renderer>, watch: Watch) -> Result<String> {
-        let (mut subject, mut on_device, mut lines) = (None, None, String::new());
+        let mut lines = String::new();
+        self.visit(renderer, watch, &mut |cell, job| {
+            lines += &format!("{}\t{}\n", cell.name, job.hash);
+            Ok(())
+        })?;
+        Ok(lines)
+    }
+
+    /// Measures the recorded settings of all selected cells again, and compares errors and memory. `is_same_adapter` says
+    /// that they were recorded on this adapter and driver.
+    ///
+    /// # Errors
+    /// See [`Self::visit`]; or a result cannot be read.
+    pub fn verify(
+        &self,
+        folder: &Folder,
+        is_same_adapter: bool,
+        renderer: &Arc<Renderer>,
+        watch: Watch,
+    ) -> Result<Verified> {
+        let mut verified = Verified::default();
+        self.visit(renderer, watch, &mut |cell, job| match folder.result(cell)? {
+            Some(recorded) => job.verify(&recorded, is_same_adapter, &mut verified),
+            None => Ok(()),
+        })?;
+        Ok(verified)
+    }
+
+    /// Computes the exact transmittances of all selected cells one after the other, and calls `each` for each.
+    ///
+    /// # Errors
+    /// A volume cannot be read, the device is lost, or `watch` or `each` ends the run.
+    fn visit(
+        &self,
+        renderer: &Arc<Renderer>,
+        watch: Watch,
+        each: &mut dyn FnMut(&Cell, &CellJob) -> Result<()>,
+    ) -> Result<()> {
+        let (mut subject, mut on_device) = (None, None);
         for cell in self.cells {
             watch(&cell.name)?;
             let loaded = self.load(cell, self.subject(cell, &mut subject)?)?;
             let session = session(cell, &loaded, renderer, &mut on_device)?;
             let subject = (&*loaded.volume, &loaded.tf);
             let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
-            lines += &format!("{}\t{}\n", cell.name, CellJob::new(job)?.hash);
+            each(cell, &CellJob::new(job)?)?;
         }
-        Ok(lines)
+        Ok(())
     }
 }
 
@@ -189,13 +231,8 @@ fn session<'a>(
     known.as_ref().map(|on_device| &on_device.session).ok_or_else(unknown)
 }
 
-/// Returns the text of the scene file of a cell. Its volume is named without the folder.
-fn scene_text(loaded: &Loaded, scene: &Scene, name: &str) -> Result<String> {
-    let mut spec = VolumeSpec::new(&loaded.volume.provenance.source);
-    if !spec.source.starts_with("phantom:") {
-        let file = Path::new(&spec.source).file_name();
-        spec.source = file.map_or(String::new(), |file| file.to_string_lossy().into_owned());
-    }
+/// Returns the text of the scene file of a cell, with its volume named as in `spec`.
+fn scene_text(loaded: &Loaded, spec: VolumeSpec, scene: &Scene, name: &str) -> Result<String> {
     let settings = SceneSettings { name: Some(name.into()), ..SceneSettings::of_volume(&spec) };
     settings.resolved(scene, "function.json", loaded.suiting).to_toml()
 }

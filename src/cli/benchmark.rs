@@ -54,7 +54,7 @@ pub struct BenchmarkArgs {
     #[arg(long)]
     pub list: bool,
     /// Print the hashes of the exact transmittances of the selected cells and end
-    #[arg(long, conflicts_with = "list")]
+    #[arg(long, conflicts_with_all = ["list", "output"])]
     pub hashes: bool,
 }
 
@@ -70,6 +70,13 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
     }
     let methods = methods(&args.methods)?;
     let budgets = budgets(&args.budget)?;
+    if let Some(twice) = args.external.iter().map(|e| &e.name).duplicates().next() {
+        return Err(Error::input(
+            "bad command line",
+            "--external",
+            format!("two programs are named {twice}"),
+        ));
+    }
     if let Some(output) = &args.output {
         check_output_dir(output)?;
     }
@@ -85,9 +92,10 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
     };
     run.check()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    let bar = progress_bar(own.len() as u64, "{bar:20} {msg}")?;
-    let interrupt = Interrupt::between_steps("measured cells are kept");
+    let bar = progress_bar(own.len() as u64, "{bar:20} {pos}/{len} {msg}")?;
+    let interrupt = Interrupt::between_steps("results of finished cells remain");
     let mut watch = |step: &str| {
+        bar.set_position(own.iter().position(|cell| step.starts_with(&cell.name)).unwrap_or(0) as u64);
         bar.set_message(step.to_owned());
         if interrupt.is_requested() { Err(Error::cancelled(step)) } else { Ok(()) }
     };
@@ -105,12 +113,16 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         externals: args.external.iter().map(|e| format!("{}={}", e.name, e.command)).collect(),
         adapter: facts.adapter.clone(),
         driver: facts.driver.clone(),
+        revision: facts.revision.into(),
     };
     let folder = Folder::open(output, &conditions)?;
     let measured = run.measure(&folder, &renderer, &mut watch);
     bar.finish_and_clear();
     measured.map_err(|e| if e.is_cancelled() { interrupted(output) } else { e })?;
-    publish(&cells, &folder, &facts)
+    match args.shard {
+        Some(shard) => print_result(&format_args!("shard {shard}: {} cells are measured\n", own.len())),
+        None => publish(&cells, &folder, &facts),
+    }
 }
 
 /// Writes tables and plots of all selected cells that the folder has results of.
@@ -118,11 +130,6 @@ fn publish(cells: &[Cell], folder: &Folder, facts: &Facts) -> Result<()> {
     let mut results = Vec::new();
     for cell in cells {
         results.extend(folder.result(cell)?);
-    }
-    if results.len() < cells.len() {
-        let why =
-            format!("{} of {} cells are measured so far; other shards continue", results.len(), cells.len());
-        print_message("note", &why);
     }
     let revisions = results.iter().map(|result| &*result.revision).unique().join(", ");
     let made_by = format!(
@@ -144,7 +151,7 @@ fn interrupted(output: &std::path::Path) -> Error {
         .hint("the same command line continues")
 }
 
-/// Returns the methods with these names, or all that have settings to search.
+/// Returns the methods with these names in the order of the registry, or all that have settings to search.
 fn methods(names: &[String]) -> Result<Vec<&'static Entry>> {
     let tunable: Vec<&'static Entry> =
         METHODS.iter().copied().filter(|e| SearchSpace::of(e).is_some()).collect();
@@ -155,7 +162,9 @@ fn methods(names: &[String]) -> Result<Vec<&'static Entry>> {
             Error::input("unknown method", format!("--methods {name}"), format!("there are {all}"))
         })
     };
-    if names.is_empty() { Ok(tunable) } else { names.iter().unique().map(find).collect() }
+    let named = names.iter().map(find).collect::<Result<Vec<_>>>()?;
+    let is_named = |entry: &&Entry| names.is_empty() || named.iter().any(|own| std::ptr::eq(*own, *entry));
+    Ok(tunable.iter().copied().filter(|entry| is_named(entry)).collect())
 }
 
 /// Parses the budgets, and sorts them by kind and amount: searches within smaller budgets start those within larger ones.

@@ -18,6 +18,7 @@ pub mod render;
 pub mod stability;
 mod table_flags;
 pub mod tf;
+pub mod verify;
 pub mod view;
 pub mod voxelise;
 
@@ -50,6 +51,7 @@ enum Command {
     Convert(convert::ConvertArgs),
     Merge(merge::MergeArgs),
     Benchmark(benchmark::BenchmarkArgs),
+    Verify(verify::VerifyArgs),
     Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
@@ -102,6 +104,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Convert(args) => convert::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Benchmark(args) => benchmark::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),

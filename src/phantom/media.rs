@@ -1,7 +1,7 @@
 //! Analytic media for comparisons of shadow methods: a cloud, smoke, foams and thin sheets.
 //!
-//! Positions are in units of half the cube's edge, so that the cube is `[-1, 1]^3`. The functions use additions,
-//! products and square roots only, which give the same bits on every machine.
+//! Positions are in units of half the cube's edge, so that the cube is `[-1, 1]^3`. The functions use basic arithmetic and
+//! square roots only, whose results do not depend on the machine's mathematical library.
 
 use crate::random::{Chance, mix};
 use glam::DVec3;
@@ -23,7 +23,8 @@ struct Ball {
 impl Ball {
     fn density_at(&self, at: DVec3) -> f64 {
         let squared = (at - self.centre).length_squared() / (self.radius * self.radius);
-        self.density * (1.0 - squared).max(0.0).powi(3)
+        let share = (1.0 - squared).max(0.0);
+        self.density * share * share * share
     }
 }
 

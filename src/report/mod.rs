@@ -25,6 +25,7 @@ pub mod plot;
 pub mod run;
 pub mod side_tables;
 pub mod tables;
+pub mod verify;
 pub mod writers;
 
 pub use folder::Start;

@@ -71,14 +71,21 @@ impl<'a> Search<'a> {
         Self { most_trials, ..self }
     }
 
-    /// Tries the method's settings at a point of the settings grid from which later searches may start.
+    /// Tries known settings, from which later searches may start. Where they exceed the budget, the last ordered setting,
+    /// which decides the memory most, is lowered until the budget is satisfied.
     ///
     /// # Errors
     /// Any error that `attempt` returns.
-    pub fn try_first(&mut self, place: &[usize]) -> Result<()> {
-        self.left = 1;
+    pub fn start_from(&mut self, budget: Budget, place: &[usize]) -> Result<()> {
+        self.left = MOST_TRIALS;
         let place = (self.canonical)(place);
-        self.measure(&place)
+        let last = self.sides.iter().rposition(|side| side.ordered);
+        if let Some(last) = last
+            && !self.is_held(budget, &place)?
+        {
+            self.lower(budget, &place, &[last])?;
+        }
+        Ok(())
     }
 
     /// Searches for the method settings with the smallest error within a budget, from `default` and the best settings
@@ -107,7 +114,8 @@ impl<'a> Search<'a> {
     }
 
     /// Tries the method's default settings. Where neither they nor earlier trials are within the budget, it lowers all
-    /// ordered settings together, then each alone, until the budget is satisfied.
+    /// ordered settings together, then each alone, until the budget is satisfied; where that fails, also with other words
+    /// of the unordered settings.
     fn starts(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
         let is_held = self.is_held(budget, &default)?;
@@ -118,7 +126,20 @@ impl<'a> Search<'a> {
         }
         let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
         self.lower(budget, &default, &ordered)?;
-        ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))
+        ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))?;
+        // Numbers may have no effect with the default word of another setting.
+        let words = self.sides.iter().enumerate().filter(|(_, side)| !side.ordered);
+        let words: Vec<_> =
+            words.flat_map(|(axis, side)| (0..side.len).map(move |word| (axis, word))).collect();
+        for (axis, word) in words {
+            if self.best_known(budget, by).is_some() {
+                break;
+            }
+            let mut place = default.clone();
+            place[axis] = word;
+            self.lower(budget, &place, &ordered)?;
+        }
+        Ok(())
     }
 
     /// Lowers several settings of a method in proportion until the memory or time budget is satisfied, by bisection.
@@ -216,20 +237,11 @@ impl<'a> Search<'a> {
         if self.left == 0 || self.is_surely_over(budget, place) {
             return Ok(false);
         }
-        self.measure(place)?;
-        self.is_held(budget, place)
-    }
-
-    /// Measures the method with the settings at a point of the settings grid, unless they were tried before.
-    fn measure(&mut self, place: &Place) -> Result<()> {
-        if self.known.contains_key(place) {
-            return Ok(());
-        }
         self.left -= 1;
         let trial = (self.attempt)(place)?;
         self.known.insert(place.clone(), self.tried.len());
         self.tried.push((place.clone(), trial));
-        Ok(())
+        self.is_held(budget, place)
     }
 
     /// Whether a tried grid point with smaller or equal settings has already exceeded the memory budget, so that this

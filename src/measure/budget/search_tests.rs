@@ -115,11 +115,49 @@ fn what_no_setting_can_do_is_not_found_and_costs_little() {
         search.look(budget, by, &DEFAULT).unwrap();
         (search.best_known(budget, by), search.tried.len())
     };
-    // Tried: the default settings, and all axes lowered together. No lowering of a single axis needs less memory.
-    assert_eq!(found(Budget::Bytes(100), By::Points), (None, 2));
+    // Tried: the default settings, and all axes lowered together with each of three words. No lowering of a single axis
+    // needs less memory.
+    assert_eq!(found(Budget::Bytes(100), By::Points), (None, 4));
     // For times, this is not certain, so single axes are tried too, but only once.
-    assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 5));
-    assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 5));
+    assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 7));
+    assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 7));
+}
+
+#[test]
+fn a_setting_that_needs_another_word_is_found() {
+    // The number has an effect only with the second word.
+    let canonical = |place: &[usize]| if place[1] == 0 { vec![3, 0] } else { place.to_vec() };
+    let attempt = |place: &[usize]| {
+        let ms = if place[1] == 0 { 100.0 } else { 1.0 + 10.0 * place[0] as f64 };
+        Ok(Row {
+            bytes: Some(0),
+            build_ms: Some(0.0),
+            frame_ms: Some(ms),
+            point_err_rms: Some(1.0 / ms),
+            ..Row::default()
+        })
+    };
+    let sides = vec![Side { len: 4, ordered: true }, Side { len: 2, ordered: false }];
+    let mut search = Search::new(sides, canonical, attempt);
+    search.look(Budget::Ms(15.0), By::Points, &[3, 0]).unwrap();
+    assert_eq!(search.best_known(Budget::Ms(15.0), By::Points), Some(vec![1, 1]));
+    let tried = search.tried.len();
+    search.look(Budget::Bytes(1000), By::Points, &[3, 0]).unwrap();
+    assert_eq!((search.best_known(Budget::Bytes(1000), By::Points), search.tried.len()), (None, tried));
+}
+
+#[test]
+fn known_settings_that_exceed_a_budget_are_lowered_by_their_size_alone() {
+    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
+    // The size of the map is the last axis.
+    let turned = |place: &[usize]| planted.trial(&[place[2], place[0], place[1], 2]);
+    let sides = vec![SIDES[1], SIDES[2], SIDES[0]];
+    let mut search = Search::new(sides, <[usize]>::to_vec, |place| Ok(turned(place)));
+    let known = [6, 1, 8];
+    let budget = Budget::Bytes(turned(&[6, 1, 4]).bytes.unwrap());
+    search.start_from(budget, &known).unwrap();
+    assert_eq!(search.best_known(budget, By::Points), Some(vec![6, 1, 4]));
+    assert!(search.tried.iter().all(|(place, _)| place[..2] == known[..2]));
 }
 
 #[test]

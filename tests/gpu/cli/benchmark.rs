@@ -69,6 +69,16 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
         rows(csv).into_iter().map(without_time).collect()
     };
     assert_eq!(untimed(&benchmark(dir.path(), "cloud-dense-front-front")), untimed(&first));
+    // Recorded errors are confirmed, and a changed digit is found.
+    let verify = || umbravox(dir.path(), &["verify", "out"]);
+    let confirmed = verify();
+    assert!(confirmed.status.success(), "{}", String::from_utf8_lossy(&confirmed.stderr));
+    let osm = recorded.find("point_err_rms\": 0.").unwrap() + "point_err_rms\": 0.".len();
+    let digit = if &recorded[osm + 3..osm + 4] == "7" { "8" } else { "7" };
+    fs::write(&cell, [&recorded[..osm + 3], digit, &recorded[osm + 4..]].concat()).unwrap();
+    let refuted = verify();
+    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
+    assert!(refuted.status.code() == Some(1) && said.contains("point_err_rms is"), "{said}");
     fs::write(&cell, recorded.replace("\"one\"", "\"recorded\"")).unwrap();
     assert!(
         benchmark(dir.path(), "cloud-dense-front-front").contains(",recorded,"),

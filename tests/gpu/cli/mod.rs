@@ -6,3 +6,4 @@ mod curve;
 mod frames;
 mod pictures;
 mod stability;
+mod verify;

@@ -1,0 +1,34 @@
+//! Verification of archived results of the benchmark: measures the recorded settings again, without a search.
+
+use super::answer::{Answer, CellResult};
+use super::measure::CellJob;
+use crate::error::Result;
+use crate::report::verify::Verified;
+
+impl CellJob<'_> {
+    /// Measures the recorded settings of a cell again, and compares errors and memory. Answers of external programs are
+    /// not compared. `is_same_adapter` says that the results were recorded on this adapter and driver.
+    ///
+    /// # Errors
+    /// A recorded setting does not parse, or the device is lost.
+    pub fn verify(
+        &self,
+        recorded: &CellResult,
+        is_same_adapter: bool,
+        verified: &mut Verified,
+    ) -> Result<()> {
+        let title = |answer: &Answer| format!("{} {} {}", recorded.cell, answer.budget, answer.method);
+        verified.compare(&recorded.cell, "exact_hash", [&recorded.exact_hash, &self.hash], true);
+        let is_own =
+            |answer: &&Answer| !answer.settings.is_empty() && crate::shadow::entry(&answer.method).is_some();
+        for answer in recorded.answers.iter().filter(is_own) {
+            let method = answer.settings.parse::<crate::shadow::MethodSpec>()?.method()?;
+            let mut measured = Answer::default();
+            self.measure(method.as_ref(), None, &mut measured)?;
+            for ((name, recorded), (_, measured)) in answer.values().into_iter().zip(measured.values()) {
+                verified.compare(&title(answer), name, [&recorded, &measured], is_same_adapter);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,130 @@
+//! `umbravox verify`: measures the errors of an archived result folder again and compares them.
+
+use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
+use crate::benchmark::Run as BenchmarkRun;
+use crate::benchmark::definition::Definition;
+use crate::benchmark::folder::{Conditions, Folder};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::measure::facts::Facts;
+use crate::measure::job::Effort;
+use crate::measure::journal::Journal;
+use crate::measure::progress::Progress;
+use crate::open::{Loaded, SceneRequest, SceneSettings};
+use crate::render::Renderer;
+use crate::report::make::{Order, Subject, make};
+use crate::report::run::Run;
+use crate::report::verify::{Archive, Difference, Verified};
+use crate::shadow::{Method, MethodSpec};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Largest number of differences that are printed.
+const MOST_PRINTED: usize = 20;
+
+/// Measure the errors of a result folder of `compare` or `benchmark` again, and compare them; exit status 1 if one differs
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// Result folder of `compare` or `benchmark`
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Folder of the volumes that are files, if they have moved
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub data: PathBuf,
+    /// Use the graphics adapter whose name contains NAME [default: the fastest]
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+/// Runs the `verify` command. On the adapter and driver of the folder, recorded and new values must have the same digits;
+/// on others they may differ by 2 %.
+///
+/// # Errors
+/// The folder holds no finished result, a volume is missing, the device fails, or a value differs.
+pub fn run(args: &VerifyArgs) -> Result<()> {
+    let verified = match Folder::archived(&args.folder)? {
+        Some((folder, conditions)) => verify_benchmark(args, &folder, &conditions)?,
+        None => verify_comparison(args, &Archive::read(&args.folder)?)?,
+    };
+    let Verified { values, differences } = verified;
+    if differences.is_empty() {
+        return print_result(&format_args!("{}: {values} values are confirmed\n", args.folder.display()));
+    }
+    for Difference { row, column, recorded, measured } in differences.iter().take(MOST_PRINTED) {
+        print_message("difference", &format_args!("{row}: {column} is {measured}, recorded {recorded}"));
+    }
+    let why = format!("{} of {values} values differ", differences.len());
+    Err(Error::runtime("cannot confirm result", args.folder.display(), why))
+}
+
+fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions) -> Result<Verified> {
+    let definition = Definition::frozen()?;
+    if (definition.version, definition.points) != (conditions.version, conditions.points) {
+        let why =
+            format!("it is of version {} of the benchmark, not {}", conditions.version, definition.version);
+        return Err(Error::input("cannot verify", args.folder.display(), why));
+    }
+    let mut cells = Vec::new();
+    for cell in definition.cells() {
+        if folder.result(&cell)?.is_some() {
+            cells.push(cell);
+        }
+    }
+    let (definition, data) = (&definition, args.data.clone());
+    let run = BenchmarkRun { definition, cells: &cells, methods: &[], budgets: &[], externals: &[], data };
+    run.check()?;
+    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
+    let facts = Facts::of(renderer.gpu());
+    let is_same = (&facts.adapter, &facts.driver) == (&conditions.adapter, &conditions.driver);
+    let bar = progress_bar(cells.len() as u64, "{bar:20} {pos}/{len} {msg}")?;
+    let verified = run.verify(folder, is_same, &renderer, &mut |cell| {
+        bar.set_message(cell.to_owned());
+        bar.inc(1);
+        Ok(())
+    });
+    bar.finish_and_clear();
+    verified
+}
+
+fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {
+    let Run { scenes, effort, .. } = &archive.run;
+    let mut methods: Vec<Vec<Box<dyn Method>>> = scenes.iter().map(|_| Vec::new()).collect();
+    for record in archive.records() {
+        methods[record.scene].push(record.method.parse::<MethodSpec>()?.method()?);
+    }
+    let settings = scenes
+        .iter()
+        .map(|scene| settings(&args.folder, &scene.file, &args.data))
+        .collect::<Result<Vec<_>>>()?;
+    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
+    let run = Run { effort: Effort { repeats: 1, ..*effort }, ablate: false, ..archive.run.clone() };
+    let order = Order { methods: &methods, budgets: &[], remark: "" };
+    let mut read = |i: usize| {
+        let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings[i])?;
+        Ok(Subject { volume, tf, strands, scene, forced: settings[i].disabled_optimizations() })
+    };
+    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let mut progress = Progress::new(|status| show_step(&bar, status));
+    let made = make(&order, &run, &mut read, &renderer, &mut Journal::nowhere(), &mut progress);
+    drop(progress);
+    bar.finish_and_clear();
+    Ok(archive.compare(&made?.comparison.rows()))
+}
+
+/// Reads a scene file of a result folder. A volume that has moved is looked for in the folder `data`.
+fn settings(folder: &Path, file: &str, data: &Path) -> Result<SceneSettings> {
+    let mut settings = SceneRequest::read(&folder.join(file))?.settings;
+    if let Some(volume) =
+        settings.volume.as_mut().filter(|v| !v.starts_with("phantom:") && !Path::new(v).exists())
+    {
+        let name = Path::new(volume).file_name().unwrap_or_default();
+        let moved = data.join(name);
+        if !moved.exists() {
+            let error = Error::input("cannot read volume", moved.display(), "there is no such file");
+            return Err(error.hint("--data names the folder of the volumes"));
+        }
+        *volume = moved.display().to_string();
+    }
+    Ok(settings)
+}

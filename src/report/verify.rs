@@ -1,0 +1,144 @@
+//! Verification of an archived comparison: compares its recorded errors and sizes with those of a new measurement.
+
+use super::run::{RowRecord, Run};
+use crate::error::{Error, Result};
+use crate::measure::table::{COLUMNS, Row};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Beginnings of the names of columns that depend on program, scene and adapter alone: errors, bounds, sizes and counts.
+const VERIFIED: [&str; 10] =
+    ["map", "bytes", "nodes_", "point_", "ray_err", "image_", "shadow_", "flip", "bound", "strand_err"];
+
+/// Tolerance of numbers that were recorded on another adapter or driver: relative, and absolute.
+pub const OTHER_ADAPTER: [f64; 2] = [0.02, 1e-4];
+
+/// Recorded value that differs from a new measurement.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// Row of the table, or cell, budget and method of the benchmark.
+    pub row: String,
+    /// Name of the column.
+    pub column: String,
+    /// Recorded value.
+    pub recorded: String,
+    /// Value of the new measurement.
+    pub measured: String,
+}
+
+/// Result of a verification: number of compared values, and those that differ.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Verified {
+    /// Number of compared values.
+    pub values: usize,
+    /// Recorded values that differ from the new measurement.
+    pub differences: Vec<Difference>,
+}
+
+impl Verified {
+    /// Compares a recorded value with a measured one, as texts. With `is_same_adapter` they must be equal, else numbers
+    /// within [`OTHER_ADAPTER`].
+    pub fn compare(
+        &mut self,
+        row: &str,
+        column: &str,
+        [recorded, measured]: [&str; 2],
+        is_same_adapter: bool,
+    ) {
+        self.values += 1;
+        if recorded == measured || !is_same_adapter && is_close(recorded, measured) {
+            return;
+        }
+        let [row, column, recorded, measured] = [row, column, recorded, measured].map(str::to_owned);
+        self.differences.push(Difference { row, column, recorded, measured });
+    }
+}
+
+fn is_close(recorded: &str, measured: &str) -> bool {
+    let [relative, absolute] = OTHER_ADAPTER;
+    match (recorded.parse::<f64>(), measured.parse::<f64>()) {
+        (Ok(a), Ok(b)) => (a - b).abs() <= absolute + relative * a.abs(),
+        _ => false,
+    }
+}
+
+/// Archived comparison of a result folder: how it was measured, and the texts of its table.
+pub struct Archive {
+    /// Description of how the comparison was measured.
+    pub run: Run,
+    rows: Vec<BTreeMap<String, String>>,
+}
+
+impl Archive {
+    /// Reads `run.json` and `compare.csv` of a result folder.
+    ///
+    /// # Errors
+    /// A file is missing or cannot be read, or the two do not belong together.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let refuse = |why: &str| Error::input("cannot verify", folder.display(), why);
+        let run = Run::read(folder)?.ok_or_else(|| refuse("it has no run.json"))?;
+        let path = folder.join("compare.csv");
+        let unreadable = |e: &dyn std::fmt::Display| Error::input("cannot verify", path.display(), e);
+        let mut reader = csv::Reader::from_path(&path).map_err(|e| unreadable(&e))?;
+        let rows = reader.deserialize().collect::<csv::Result<Vec<_>>>().map_err(|e| unreadable(&e))?;
+        if !run.finished || !run.merged.is_empty() {
+            return Err(refuse("its table is unfinished or merged from others"));
+        }
+        let archive = Self { run, rows };
+        if archive.records().count() != archive.rows.len() {
+            return Err(refuse("compare.csv has another number of rows than run.json"));
+        }
+        Ok(archive)
+    }
+
+    /// Records of the rows of the table, in order.
+    pub fn records(&self) -> impl Iterator<Item = &RowRecord> {
+        self.run.rows.iter().filter(|row| row.here)
+    }
+
+    /// Compares the recorded rows with measured ones in the same order.
+    pub fn compare(&self, measured: &[Row]) -> Verified {
+        let mut verified = Verified::default();
+        let names = COLUMNS.iter().map(|column| column.name);
+        let names: Vec<_> =
+            names.filter(|name| VERIFIED.iter().any(|start| name.starts_with(start))).collect();
+        for (recorded, row) in self.rows.iter().zip(measured) {
+            let is_same = ["adapter", "driver"]
+                .iter()
+                .all(|name| recorded.get(*name) == Some(&row.cell(name).to_string()));
+            let title = format!("{}: {}", row.scene, row.spec());
+            for name in &names {
+                // Columns that a later version added are not compared.
+                let Some(text) = recorded.get(*name) else { continue };
+                verified.compare(&title, name, [text, &row.cell(name).to_string()], is_same);
+            }
+        }
+        verified
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_equal_on_one_adapter_and_close_on_another() {
+        let mut verified = Verified::default();
+        for (values, is_same) in [
+            (["0.0123", "0.0123"], true),
+            (["0.0123", "0.0124"], false),
+            (["", ""], false),
+            (["12", "12"], true),
+        ] {
+            verified.compare("r", "c", values, is_same);
+        }
+        assert_eq!((verified.values, &verified.differences[..]), (4, &[][..]));
+        for (values, is_same) in
+            [(["0.0123", "0.0124"], true), (["0.0123", "0.02"], false), (["", "0.1"], false)]
+        {
+            verified.compare("r", "c", values, is_same);
+        }
+        assert_eq!(verified.differences.len(), 3);
+        assert_eq!(verified.differences[0].recorded, "0.0123");
+    }
+}
