@@ -146,7 +146,7 @@ fn nodes_are_the_curve_while_they_suffice() {
     let three: &[[f64; 2]] = &[[0.2, 0.21], [0.5, 0.51], [0.8, 0.81]];
     let Some(setup) = Setup::open(&slabs(three), &even(0.25)) else { return };
     let error = |nodes: u32| {
-        ray_err_max(&setup, &format!("avsm:nodes={nodes},filter=nearest,near=0,map=32,fit=volume"))
+        ray_err_max(&setup, &format!("avsm:nodes={nodes},bits=32,filter=nearest,near=0,map=32,fit=volume"))
     };
     let errors = [4, 6, 16, 32].map(error);
     println!("three sheets, 4, 6, 16, 32 nodes: {errors:.5?}");
@@ -227,7 +227,7 @@ fn moments_in_words_are_those_in_floats() {
 #[test]
 fn opaque_slabs_keep_their_slope() {
     let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
-    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16"] {
+    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16,bits=32"] {
         let error = ray_err_max(&setup, &format!("{method},filter=nearest,near=0,map=32,fit=volume"));
         println!("an opaque slab, {method}: {error:.4}");
         assert!(error < 0.005, "{method}: {error}");
@@ -323,7 +323,7 @@ fn filters_cross_the_edges_of_tiles() {
         };
         let got = depth(&program, DVec2::splat(15.5));
         assert!((got - corner(&nearest)).abs() < 2e-4, "{place}, where four tiles meet: {got}");
-        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8"] {
+        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8,bits=32"] {
             let build = |filter: &str| {
                 setup.shadow(&format!("{method},near=0,map=41,fit=volume,filter={filter}"), light)
             };
