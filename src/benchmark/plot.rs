@@ -60,9 +60,9 @@ fn draw_axis(drawing: &mut Drawing, ranking: &Ranking, x: &dyn Fn(f64) -> f64) {
     drawing.text(Point(WIDTH / 2.0, 8.0), Anchor::Middle, FONT_SIZE, BLACK, &title);
     if let Some(difference) = ranking.critical_difference {
         let [from, to] = [1.0, 1.0 + difference].map(x);
-        drawing.line(&[Point(from, 24.0), Point(to, 24.0)], 1.5, BLACK);
+        drawing.line(&[Point(from, 24.0), Point(to.min(WIDTH), 24.0)], 1.5, BLACK);
         let text = format!("critical difference {}", significant(difference, 3));
-        drawing.text(Point(to + 6.0, 24.0), Anchor::Start, FONT_SIZE, BLACK, &text);
+        drawing.text(Point(from - 8.0, 24.0), Anchor::End, FONT_SIZE, BLACK, &text);
     }
 }
 
