@@ -5,10 +5,9 @@ use super::exact::is_expected;
 use super::plot::critical_difference;
 use super::ranking::{Rank, Ranking, rankings};
 use crate::error::Result;
-use crate::files::output::write_whole;
 use crate::report::markdown::{Align, aligned_table};
 use crate::report::number::significant;
-use crate::report::writers::csv;
+use crate::report::writers::{csv, write_files};
 use itertools::Itertools as _;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -90,11 +89,7 @@ pub fn write(results: &[CellResult], made_by: &str, folder: &Path) -> Result<(Ve
         files.push((format!("{stem}.svg"), plot.svg(None).into_string().into_bytes()));
         files.push((format!("{stem}.png"), plot.png()?));
     }
-    let write = |(name, bytes): (String, Vec<u8>)| {
-        let path = folder.join(name);
-        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
-    };
-    Ok((files.into_iter().map(write).collect::<Result<_>>()?, page))
+    Ok((write_files(folder, files)?, page))
 }
 
 fn plot_stem(ranking: &Ranking) -> String {

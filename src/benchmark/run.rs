@@ -17,6 +17,7 @@ use crate::report::verify::Verified;
 use crate::scene::Scene;
 use crate::shadow::Entry;
 use crate::volume::Volume;
+use itertools::Itertools as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -53,15 +54,22 @@ struct OnDevice {
 }
 
 impl Run<'_> {
-    /// Checks that the files of all selected cells are there.
+    /// Checks that the files of all selected cells are there and have the expected SHA-256.
     ///
     /// # Errors
-    /// A file is missing.
+    /// A file is missing or another one.
     pub fn check(&self) -> Result<()> {
-        let of_cell = |cell: &Cell| &self.definition.volume[cell.volume];
-        self.cells
-            .iter()
-            .try_for_each(|cell| self.definition.volume_settings(of_cell(cell), &self.data).map(drop))
+        for volume in self.cells.iter().map(|cell| cell.volume).unique() {
+            let settings = self.definition.volume_settings(&self.definition.volume[volume], &self.data)?;
+            let found = settings.spec().sha256()?;
+            if found != settings.sha256 {
+                let [found, expected] = [found, settings.sha256.clone()].map(Option::unwrap_or_default);
+                let why = format!("its SHA-256 is {found}, not {expected}");
+                let error = Error::input("cannot use volume", settings.spec().source, why);
+                return Err(error.hint("data/README.md says where to get the scans of the benchmark"));
+            }
+        }
+        Ok(())
     }
 
     /// Measures all selected cells that the folder has no result of. The first cell of each volume and transfer function
@@ -128,7 +136,8 @@ impl Run<'_> {
             watch(&format!("{}: {}", cell.name, external.name))?;
             let scenes = [loaded.scene.clone(), small_scene(&loaded.scene)];
             let spec = VolumeSpec::new("volume.nii");
-            let [scene, small] = scenes.map(|scene| scene_text(loaded, spec.clone(), &scene, &cell.name));
+            let [scene, small] =
+                scenes.map(|scene| scene_text(loaded, spec.clone(), None, &scene, &cell.name));
             let failed = |e: std::io::Error| Error::runtime("cannot run external program", &external.name, e);
             // Each program has a folder of its own, which other processes do not use.
             let exchange = tempfile::tempdir().map_err(failed)?;
@@ -150,7 +159,7 @@ impl Run<'_> {
             points: cell_job.visible().len(),
             exact_hash: cell_job.hash.clone(),
             revision: REVISION.into(),
-            scene: scene_text(loaded, spec, &loaded.scene, &cell.name)?,
+            scene: scene_text(loaded, spec, settings.sha256.clone(), &loaded.scene, &cell.name)?,
             transfer_function: loaded.tf.to_json(),
             answers,
         })
@@ -232,7 +241,13 @@ fn session<'a>(
 }
 
 /// Returns the text of the scene file of a cell, with its volume named as in `spec`.
-fn scene_text(loaded: &Loaded, spec: VolumeSpec, scene: &Scene, name: &str) -> Result<String> {
-    let settings = SceneSettings { name: Some(name.into()), ..SceneSettings::of_volume(&spec) };
+fn scene_text(
+    loaded: &Loaded,
+    spec: VolumeSpec,
+    sha256: Option<String>,
+    scene: &Scene,
+    name: &str,
+) -> Result<String> {
+    let settings = SceneSettings { name: Some(name.into()), sha256, ..SceneSettings::of_volume(&spec) };
     settings.resolved(scene, "function.json", loaded.suiting).to_toml()
 }

@@ -105,7 +105,7 @@ pub(super) fn side_table_csv<T: Borrow<Row>>(
 ///
 /// # Errors
 /// A file cannot be written.
-pub(super) fn write_files<N: AsRef<Path>>(
+pub fn write_files<N: AsRef<Path>>(
     folder: &Path,
     files: impl IntoIterator<Item = (N, Vec<u8>)>,
 ) -> Result<Vec<PathBuf>> {

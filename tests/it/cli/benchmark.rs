@@ -31,4 +31,7 @@ fn mistakes_are_refused_before_anything_is_made() {
         assert!(words.iter().all(|word| error.contains(word)), "{arguments:?}: {error}");
     }
     assert!(refused(dir.path(), &["benchmark"]).contains("--output"));
+    std::fs::write(dir.path().join("engine.nii.gz"), "another file").unwrap();
+    let error = refused(dir.path(), &["benchmark", "-o", "out", "--cells", "engine-*"]);
+    assert!(error.contains("engine.nii.gz") && error.contains("its SHA-256 is"), "{error}");
 }
