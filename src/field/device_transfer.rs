@@ -105,6 +105,8 @@ pub struct DeviceTransfer {
     tf: TransferFunction,
     mapping: TexelMapping,
     largest_texel: f64,
+    /// Offsets of the values of labels (`MergedFunction::value_shifts`).
+    pub label_shifts: Vec<Option<f64>>,
 }
 
 /// Breakpoint table on the device: for each two voxel values, the control points of the transfer function between
@@ -167,8 +169,7 @@ impl Bindings {
 }
 
 /// Largest float32 error of an interpolated voxel value along a ray, relative to the largest texel value: 2^-19. It
-/// covers about 16 roundings in trilinear interpolation, and the rounding and root tolerance of a transfer-function
-/// breakpoint.
+/// covers about 16 roundings in trilinear interpolation, and rounding and root tolerance of a breakpoint.
 const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
 
 impl DeviceTransfer {
@@ -226,6 +227,7 @@ impl DeviceTransfer {
             mapping: on_device.mapping,
             largest_texel: merged.largest_texel,
             has_labels: !merged.shifts.is_empty(),
+            label_shifts: merged.value_shifts(on_device.mapping),
             tf: merged.function,
         };
         if disabled.has(Optimization::MarchTable) {
@@ -262,6 +264,7 @@ impl DeviceTransfer {
             MarchTable { group, view: table.view.clone(), table_ms: 0.0, ..*table }.into()
         });
         Ok(Self {
+            label_shifts: self.label_shifts.clone(),
             active: self.active.clone(),
             bytes: tables.bytes(one_color.is_some()) + self.active.distance.len() as u64,
             one_color: one_color.is_some(),

@@ -5,7 +5,9 @@ use super::LoadedVolume;
 use super::constants::HIDDEN_SHIFT;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, uniform_buffer};
-use crate::transfer::{LabelClass, SideBySide, TransferFunction, TransferTables, extinction_range};
+use crate::transfer::{
+    LabelClass, SideBySide, TexelMapping, TransferFunction, TransferTables, extinction_range,
+};
 use crate::volume::MAX_LABELS;
 
 /// Transfer functions of all segmentation labels, merged into one function over one value axis. Shaders add an offset
@@ -58,6 +60,13 @@ impl MergedFunction {
         let (largest_texel, hidden_texel) = (largest(texel_range), hidden_texel as f32);
         let shifts = classes.iter().map(shift).collect();
         Ok(Self { function, tables, largest_texel, shifts, hidden_texel })
+    }
+
+    /// Returns the offset of the values of each segmentation label that occurs, by its index, to its part of the merged
+    /// function; `None` for hidden labels. The list is empty if all labels use one transfer function.
+    pub fn value_shifts(&self, mapping: TexelMapping) -> Vec<Option<f64>> {
+        let shift = |shift: &f32| (*shift < HIDDEN_SHIFT).then(|| f64::from(*shift) * mapping.scale);
+        self.shifts.iter().map(shift).collect()
     }
 
     /// Returns the texture of segmentation labels, and the offset added to the values of each label. `None` if all

@@ -193,8 +193,11 @@ impl Key {
 
 /// Whether a setting of a shadow method has an effect under the values of the other settings.
 pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
-    let is =
-        |other, wanted| keys.iter().zip(values).any(|(k, v)| k.name == other && *v == Value::Choice(wanted));
+    // A setting without an effect has no value.
+    let is = |other, wanted| {
+        let mut all = keys.iter().zip(values);
+        all.any(|(k, v)| k.name == other && *v == Value::Choice(wanted) && applies(keys, values, k))
+    };
     match key.when {
         When::Always => true,
         When::Is(other, wanted) => is(other, wanted),

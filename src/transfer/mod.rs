@@ -144,12 +144,20 @@ impl TransferFunction {
         std::array::from_fn(|c| self.interpolate(value, |p| p.color[c]))
     }
 
-    /// Largest extinction of the transfer function over the scalar values `[min, max]`, 1/mm. Both sides of a jump at
-    /// `min` count, since rounding may move a value from `min` to just below it.
-    pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
+    /// Least and largest extinction of the transfer function over the scalar values `[min, max]`, 1/mm. Both sides of a
+    /// jump at `min` count, since rounding may move a value from `min` to just below it.
+    pub fn extinction_bounds(&self, min: f64, max: f64) -> [f64; 2] {
         let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
-        let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
-        self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
+        let amounts = inside.chain([min, max].map(|v| self.interpolate(v, |p| p.amount)));
+        let [least, largest] =
+            amounts.fold([f64::INFINITY, 0.0], |[a, b], amount| [a.min(amount), b.max(amount)]);
+        [least, largest].map(|amount| self.extinction_of_amount(amount))
+    }
+
+    /// Largest extinction of the transfer function over the scalar values `[min, max]`, 1/mm
+    /// ([`Self::extinction_bounds`]).
+    pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
+        self.extinction_bounds(min, max)[1]
     }
 
     /// Returns the colour (linear RGB) shared by all scalar values with extinction; `None` if their colours differ. A
@@ -276,15 +284,16 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_extinction_of_a_range_bounds_all_its_values() {
+    fn the_extinctions_of_a_range_bound_all_its_values() {
         let tf = tf(Quantity::Opacity, &[(-3.0, 0.2), (1.0, 0.9), (1.0, 0.0), (4.0, 0.4), (9.0, 0.0)]);
         for a in -20..40 {
             for b in a..40 {
                 let (min, max) = (f64::from(a) * 0.3, f64::from(b) * 0.3);
-                let bound = tf.max_extinction(min, max);
+                let [least, largest] = tf.extinction_bounds(min, max);
                 for k in 0..=50 {
                     let value = (min + (max - min) * f64::from(k) / 50.0).min(max);
-                    assert!(tf.extinction(value) <= bound, "{value} in [{min}, {max}]");
+                    let extinction = tf.extinction(value);
+                    assert!((least..=largest).contains(&extinction), "{value} in [{min}, {max}]");
                 }
             }
         }

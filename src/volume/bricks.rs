@@ -49,6 +49,11 @@ impl RankSet {
         self.0[rank / 64 % 4] |= 1 << (rank % 64);
     }
 
+    /// Whether a label is in the set, by its index.
+    pub fn has(&self, rank: usize) -> bool {
+        self.0[rank / 64 % 4] & (1 << (rank % 64)) != 0
+    }
+
     /// Whether two sets of labels have a label in common.
     pub fn meets(&self, other: &Self) -> bool {
         self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
