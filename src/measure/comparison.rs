@@ -97,10 +97,11 @@ impl Comparison {
 }
 
 impl Compared {
-    /// Whether the comparison table row is of the reference method `rays`, marched cell by cell. The pictures of the other methods are
-    /// compared with its picture.
+    /// Whether the comparison table row is of the reference method `rays`, marched cell by cell and without random numbers.
+    /// The pictures of the other methods are compared with its picture.
     pub fn is_reference(&self) -> bool {
-        let is_exact = self.row.setting("march") != Cell::from("samples".to_owned());
+        let is_set = |key: &str, word: &str| self.row.setting(key) == Cell::from(word.to_owned());
+        let is_exact = !is_set("march", "samples") && is_set("estimator", "off");
         self.row.method == ShadowRays::default().name() && is_exact
     }
 

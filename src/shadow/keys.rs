@@ -121,6 +121,10 @@ choices! {
     }
 }
 
+/// Name of the setting that selects a random estimator of shadow rays.
+pub(super) const ESTIMATOR: &str = "estimator";
+/// Name of the setting with the seed of random numbers.
+pub(super) const SEED: &str = "seed";
 /// Name of the setting that selects how light rays are marched: cell by cell or by regular samples.
 pub(super) const MARCH: &str = "march";
 /// Setting `march`: light rays are marched cell by cell or by regular samples.

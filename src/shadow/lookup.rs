@@ -13,6 +13,9 @@ pub(super) fn steepest_mm(light_space: &LightSpace) -> f64 {
     f64::from(STEEPEST_SURFACE) * light_space.texel_mm()
 }
 
+/// WGSL module of random estimates of the transmittance of a shadow ray.
+pub(super) const RANDOM_RAYS: &str = "shadow/rays/random_rays.wgsl";
+
 /// Shader code of a transmittance query: modules, definitions and constants that provide
 /// `umbravox::shadow::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -60,7 +63,8 @@ impl Lookup {
 
     /// Whether a transmittance query marches a whole light ray, so that a picture takes several GPU dispatches.
     pub fn marches(&self) -> bool {
-        marches_cells(&self.shader) || marches_samples(&self.shader)
+        let is_random = self.shader.modules.contains(&RANDOM_RAYS);
+        is_random || marches_cells(&self.shader) || marches_samples(&self.shader)
     }
 
     /// Whether a transmittance query marches a light ray cell by cell, with the table of breakpoints.

@@ -2,7 +2,7 @@
 //! bound.
 
 use super::bound::Bound;
-use super::keys::{FROM, MAP, MARCH, NEAR};
+use super::keys::{ESTIMATOR, FROM, MAP, MARCH, NEAR, SEED};
 use super::lookup::Lookup;
 use super::published::Published;
 use super::settings::{Key, Value, When, applies};
@@ -421,6 +421,14 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         let spec = self.spec();
         let is_sampled = spec.is_set(MARCH, "samples");
         is_sampled.then(|| spec.with(MARCH, "cells")?.method().ok()).flatten()
+    }
+
+    /// Returns the shadow method with its seed increased by `by`; `None` unless its results are random.
+    fn reseeded(&self, by: u32) -> Option<Box<dyn Method>> {
+        let spec = self.spec();
+        let is_random = spec.value(ESTIMATOR).is_some_and(|estimator| estimator != Value::Choice("off"));
+        let Some(Value::Whole(seed)) = spec.value(SEED).filter(|_| is_random) else { return None };
+        spec.with(SEED, &seed.wrapping_add(by).to_string())?.method().ok()
     }
 
     /// Whether the shadow method stores a map of texels, as seen from the light.

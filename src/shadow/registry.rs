@@ -344,7 +344,7 @@ mod tests {
             ("dsm:map=1,map=2", "`map` is given twice"),
             ("dsn", "there is: none, rays"),
             ("dsm:maps=1", "there is: epsilon"),
-            ("rays:map=1", "there is: march, step, lookup"),
+            ("rays:map=1", "there is: estimator, samples, seed, march, step, lookup"),
             ("none:map=1", "no keys"),
             ("dsm:epsilon=2", "expected 0..1"),
             ("dsm:epsilon=nan", "expected 0..1"),

@@ -140,6 +140,8 @@ pub struct Sizes {
     pub window_sizes: usize,
     /// Number of resizes of the real window while a picture refines.
     pub window_resizes: u32,
+    /// Scenes in which the bias of random estimators is measured.
+    pub estimator_scenes: usize,
     /// Stride between tested shaders: one of so many is composed, validated and translated.
     pub shader_stride: usize,
 }
@@ -154,6 +156,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             damaged_files: 300,
             window_sizes: 7,
             window_resizes: 50,
+            estimator_scenes: 50,
             shader_stride: 1,
         }
     } else {
@@ -163,6 +166,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             damaged_files: 40,
             window_sizes: 2,
             window_resizes: 12,
+            estimator_scenes: 10,
             shader_stride: 8,
         }
     }

@@ -13,6 +13,7 @@ mod common;
 mod compare;
 mod degenerate;
 mod enclosure;
+mod estimators;
 mod exact_pictures;
 mod fair;
 mod folded;

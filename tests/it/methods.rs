@@ -2,12 +2,17 @@
 //! here.
 
 use std::collections::BTreeSet;
-use umbravox::shadow::{METHODS, parse_list};
+use umbravox::shadow::{METHODS, MethodSpec, parse_list};
 
 /// Lists of shadow methods as on the command line, and the `params` of their table rows. Defaults are not shown.
 const ACCEPTED: &[(&str, &[&str])] = &[
     ("none", &[""]),
     ("rays", &[""]),
+    (
+        "rays:estimator=ratio,unbiased,samples=2,seed=7",
+        &["estimator=ratio samples=2 seed=7", "estimator=unbiased samples=2 seed=7"],
+    ),
+    ("rays:march=samples,step=2", &["march=samples step=2"]),
     ("dsm", &["epsilon=0.02"]),
     ("osm", &["layers=32"]),
     (
@@ -157,6 +162,18 @@ fn bad_settings_are_refused_with_the_values_that_are_possible() {
         assert!(error.to_string().contains(part), "{error}");
         assert_eq!(error.exit_status(), 2);
     }
+}
+
+/// `march` has no effect with an estimator, and so `step` has none, although `march=samples` is stored.
+#[test]
+fn settings_without_effect_are_not_written() {
+    let spec: MethodSpec = "rays:march=samples,step=8".parse().unwrap();
+    let random = spec.with("estimator", "ratio").unwrap();
+    let text = random.to_string();
+    assert!(!text.contains("step") && !text.contains("march"), "{text}");
+    let read: MethodSpec = text.parse().unwrap();
+    assert_eq!(read.to_string(), text);
+    assert_eq!(random.with("estimator", "off").unwrap().to_string(), "rays:march=samples,step=8");
 }
 
 #[test]

@@ -135,7 +135,7 @@ fn bad_methods_are_refused_before_anything_is_made() {
         ("nonsense", "nonsense"),
         ("none;dsm:epsilon=2", "epsilon"),
         ("dsm:layers=3", "layers"),
-        ("rays:map=512", "there is: march, step, lookup"),
+        ("rays:map=512", "there is: estimator, samples, seed, march, step, lookup"),
         ("", "NAME"),
     ] {
         let args = ["compare", "phantom:slab:8", "-o", "out", "--methods", methods];
