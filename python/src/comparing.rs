@@ -97,20 +97,24 @@ pub struct Rows {
     failures: Vec<String>,
 }
 
-/// Creates the measurement settings of a comparison table from the numbers of repeats, sample points, light rays and
-/// depths.
-pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
+/// Creates the measurement settings of a comparison table from the numbers of repeats, sample points, light rays,
+/// depths, and steps over which flicker is measured.
+pub fn effort(given: [Option<i64>; 5], check: &str) -> Outcome<Effort> {
     let all = [Checked::Sample, Checked::All, Checked::Points];
     let Some(check) = all.into_iter().find(|extent| extent.name() == check) else {
         let why = format!("`{check}` is not sample, all or points");
         return Err(Fault::input("bad argument", "check", why));
     };
     let mut effort = Effort { check, ..Effort::default() };
+    if given[0].is_some() {
+        effort.short_repeats = 0;
+    }
     let fields = [
         ("repeats", Effort::REPEATS, &mut effort.repeats),
         ("points", Effort::POINTS, &mut effort.points),
         ("rays", Effort::RAYS, &mut effort.rays),
         ("depths", Effort::DEPTHS, &mut effort.depths),
+        ("flicker", Effort::FLICKER, &mut effort.flicker),
     ];
     for (given, (name, range, value)) in given.into_iter().zip(fields) {
         let Some(n) = given else { continue };

@@ -210,7 +210,7 @@ impl PyScene {
     /// Measures shadow methods on the scene (error, time, memory), and returns the rows of the comparison table as
     /// dictionaries.
     #[pyo3(signature = (methods=None, *, output=None, repeats=None, points=None, rays=None, depths=None, check="sample",
-        budget=None, overwrite=false, resume=false, progress=None, **arguments))]
+        flicker=None, budget=None, overwrite=false, resume=false, progress=None, **arguments))]
     #[expect(clippy::too_many_arguments, reason = "each is a flag of the command")]
     fn compare<'py>(
         &self,
@@ -222,6 +222,7 @@ impl PyScene {
         rays: Option<i64>,
         depths: Option<i64>,
         check: &str,
+        flicker: Option<i64>,
         budget: Option<&Bound<'py, PyAny>>,
         overwrite: bool,
         resume: bool,
@@ -229,7 +230,7 @@ impl PyScene {
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyList>> {
         let request = self.request(arguments)?;
-        let effort = comparing::effort([repeats, points, rays, depths], check)?;
+        let effort = comparing::effort([repeats, points, rays, depths, flicker], check)?;
         let methods = comparing::texts(methods, "methods", ";")?;
         let budgets = comparing::texts(budget, "budget", ",")?;
         if overwrite && resume {

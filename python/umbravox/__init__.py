@@ -55,7 +55,7 @@ def transmittance(volume, points, method=None, affine=None, *, axes=None, **argu
     return Scene(volume, affine, axes=axes, **arguments).transmittance(points, method)
 
 
-_MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "budget", "overwrite", "resume", "progress")
+_MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "flicker", "budget", "overwrite", "resume", "progress")
 
 
 def compare(volume=None, methods=None, affine=None, **arguments):

@@ -219,6 +219,7 @@ class Scene:
         rays: int | None = None,
         depths: int | None = None,
         check: str = "sample",
+        flicker: int | None = None,
         budget: str | Sequence[str] | None = None,
         overwrite: bool = False,
         resume: bool = False,

@@ -16,7 +16,15 @@ use std::path::{Path, PathBuf};
 
 /// Numbers of repeats, points, light rays and depths for testing claims of papers. They suffice for a verdict, yet
 /// all claims take only minutes on two cores.
-const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check: Checked::Sample };
+const EFFORT: Effort = Effort {
+    repeats: 3,
+    short_repeats: 0,
+    points: 4000,
+    rays: 500,
+    depths: 100,
+    check: Checked::Sample,
+    flicker: 0,
+};
 
 /// Test claims of the shadow methods' papers by measurement: states each claim, the measured value, and whether the
 /// claim holds

@@ -59,10 +59,10 @@ pub struct CompareArgs {
     pub shard: Option<Shard>,
     #[command(flatten)]
     pub layout: LayoutFlags,
-    /// Number of timed runs of each shadow method, after warm-up
-    #[arg(long, value_name = "N", default_value_t = Effort::default().repeats as u32,
-        value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
-    pub repeats: u32,
+    /// Number of timed runs of each shadow method, after warm-up [default: 5, and 20 where build and frame take less than
+    /// 50 ms together]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
+    pub repeats: Option<u32>,
     /// Number of visible points at which transmittance errors are measured (columns point_err_*)
     #[arg(long, value_name = "N", default_value_t = Effort::default().points as u32,
         value_parser = clap::value_parser!(u32).range(Effort::POINTS))]
@@ -78,6 +78,10 @@ pub struct CompareArgs {
     /// Light rays and points at which error bounds are tested
     #[arg(long, value_enum, default_value_t = Checked::Sample)]
     pub check: Checked,
+    /// Also measure flicker over N small steps of the light, and as many of the camera (columns flicker_rms and
+    /// flicker_camera_rms)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(Effort::FLICKER))]
+    pub flicker: Option<u32>,
 }
 
 /// Flags for the layout of comparison tables: columns and width.
@@ -123,12 +127,17 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let layout = args.layout.layout()?;
     let budgets = distinct_budgets(&args.budget)?;
     check_output_dir(&args.output)?;
+    let repeated = match args.repeats {
+        Some(repeats) => Effort { repeats: repeats as usize, short_repeats: 0, ..Effort::default() },
+        None => Effort::default(),
+    };
     let effort = Effort {
-        repeats: args.repeats as usize,
         points: args.points as usize,
         rays: args.rays as usize,
         depths: args.depths as usize,
         check: args.check,
+        flicker: args.flicker.unwrap_or(0) as usize,
+        ..repeated
     };
     let paths = args.scene.scene.clone();
     let requests = args.scene.into_requests()?;

@@ -98,7 +98,11 @@ fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {
         .map(|scene| settings(&args.folder, &scene.file, &args.data))
         .collect::<Result<Vec<_>>>()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    let run = Run { effort: Effort { repeats: 1, ..*effort }, ablate: false, ..archive.run.clone() };
+    let run = Run {
+        effort: Effort { repeats: 1, short_repeats: 0, ..*effort },
+        ablate: false,
+        ..archive.run.clone()
+    };
     let order = Order { methods: &methods, budgets: &[], remark: "" };
     let mut read = |i: usize| {
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings[i])?;

@@ -11,6 +11,7 @@
 //! outside the interval of the exact curve are therefore compared with a [`RoundingEnvelope`]. The report counts
 //! these depths.
 
+use super::histogram::Histogram;
 use super::rounding_envelope::RoundingEnvelope;
 use super::test_depths::sort_distinct;
 use crate::shadow::Bound;
@@ -37,7 +38,7 @@ pub struct Deviation {
 
 /// Result of testing a shadow method's transmittance along light rays against the exact transmittance and the error
 /// bound.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct BoundReport {
     /// Number of light rays along which a shadow method's transmittance was tested against the exact one.
     pub rays: usize,
@@ -47,6 +48,9 @@ pub struct BoundReport {
     /// Largest deviation `|T_method - T_exact|` of transmittance along the light rays, ignoring the error bound's
     /// tolerances. Its amount is the column `ray_err_max` of the comparison table.
     pub largest: Option<Deviation>,
+    /// Distribution of the deviations `|T_method - T_exact|` at all depths.
+    #[serde(skip)]
+    deviations: Histogram,
     /// Number of depths on light rays at which the transmittance violates the shadow method's error bound.
     pub violations: usize,
     /// Number of depths on light rays at which the error bound is satisfied only if float32 rounding of the ray and
@@ -94,7 +98,9 @@ impl BoundReport {
                 t_exact,
                 amount: if amount.is_nan() { f64::INFINITY } else { amount },
             };
-            report.largest = worse(report.largest, Some(deviation((t_method - t_exact).abs())));
+            let plain = deviation((t_method - t_exact).abs());
+            report.largest = worse(report.largest, Some(plain));
+            report.deviations.add(plain.amount);
             let Some(bound) = bound else { continue };
             let interval = [exact(z + bound.depth_mm), exact(z - bound.depth_mm)];
             let outside = deviation(bound.distance(t_method, interval));
@@ -135,6 +141,7 @@ impl BoundReport {
             rays: self.rays + other.rays,
             depths: self.depths + other.depths,
             largest: worse(self.largest, other.largest),
+            deviations: self.deviations.merge(&other.deviations),
             violations: self.violations + other.violations,
             limited: self.limited + other.limited,
             margin: larger(self.margin, other.margin),
@@ -143,10 +150,21 @@ impl BoundReport {
         }
     }
 
+    /// Adds the report on errors of transmittance from other light rays.
+    pub fn add(&mut self, other: Self) {
+        *self = std::mem::take(self).merge(other);
+    }
+
     /// Returns `ray_err_max`, the largest `|T_method - T_exact|` (T: transmittance) along light rays; `None` where no
     /// depth was tested.
     pub fn ray_err_max(&self) -> Option<f64> {
         self.largest.map(|m| m.amount)
+    }
+
+    /// Returns `ray_err_p999`, the 99.9th percentile of `|T_method - T_exact|` (T: transmittance) over the depths on light
+    /// rays, rounded up by at most 1 %; `None` where no depth was tested.
+    pub fn ray_err_p999(&self) -> Option<f64> {
+        self.deviations.percentile(0.999)
     }
 
     /// Returns `bound_held`: whether the shadow method's error bound is satisfied at every tested depth. `None`
@@ -307,8 +325,8 @@ mod tests {
                 )
             })
             .collect();
-        let forwards = rays.iter().copied().fold(BoundReport::default(), BoundReport::merge);
-        let backwards = rays.iter().rev().copied().fold(BoundReport::default(), BoundReport::merge);
+        let forwards = rays.iter().cloned().fold(BoundReport::default(), BoundReport::merge);
+        let backwards = rays.iter().rev().cloned().fold(BoundReport::default(), BoundReport::merge);
         assert_eq!(forwards, backwards);
         assert_eq!((forwards.worst.unwrap().ray, forwards.violations, forwards.depths), (1, 3, 8));
         assert_eq!(forwards.satisfied(), Some(false));

@@ -99,6 +99,10 @@ pub fn compare_within(
     for (group, repeats) in [(&mut fast, job.effort.repeats), (&mut slow, 1)] {
         result.failures.extend(time(job, group, repeats, journal, progress)?);
     }
+    let mut short: Vec<_> = fast.into_iter().filter(|r| r.is_short()).collect();
+    if job.effort.short_repeats > job.effort.repeats {
+        result.failures.extend(time(job, &mut short, job.effort.short_repeats, journal, progress)?);
+    }
     progress.end();
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();

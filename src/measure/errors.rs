@@ -146,11 +146,39 @@ impl VisiblePointsByLight {
     /// # Errors
     /// See [`VisiblePoints::errors`].
     pub fn errors(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
+        ErrorStats::of(self.weighted(session, shadows)?)
+    }
+
+    /// Returns the transmittance error `T_method - T_exact` at the visible points of all lights, with their weights.
+    /// `shadows` are the shadow maps of the lights, in order.
+    ///
+    /// # Errors
+    /// See [`VisiblePoints::weighted`].
+    pub fn weighted(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<(f64, f64)>> {
         let mut all = Vec::with_capacity(self.count());
         for (part, shadow) in self.0.iter().zip(shadows) {
             all.append(&mut part.weighted(session, shadow)?);
         }
-        ErrorStats::of(all)
+        Ok(all)
+    }
+
+    /// Returns the transmittances by shadow maps at the visible points of all lights. `shadows` are the maps of the lights,
+    /// in order.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn transmittances(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<f64>> {
+        let mut all = Vec::with_capacity(self.count());
+        for (part, shadow) in self.0.iter().zip(shadows) {
+            all.extend(session.query(shadow, &part.points_mm)?.into_iter().map(f64::from));
+        }
+        Ok(all)
+    }
+
+    /// Returns the first points of each light, about `count` over all lights.
+    pub fn first(&self, count: usize) -> Self {
+        let each = count.div_ceil(self.0.len().max(1));
+        Self(self.0.iter().map(|part| part.first(each)).collect())
     }
 
     /// Returns statistics of the widths of the enclosures at the visible points of all lights together; `None` unless
@@ -230,7 +258,7 @@ impl RayTest<'_> {
     ) -> Result<BoundReport> {
         let mut report = BoundReport::default();
         let query = |points: &[DVec3]| session.query(shadow, points);
-        self.visit(field, light, shadow, query, |own, _, _| report = report.merge(own))?;
+        self.visit(field, light, shadow, query, |own, _, _| report.add(own))?;
         Ok(report)
     }
 

@@ -73,7 +73,7 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     let mut hasher = DefaultHasher::new();
     facts.hash(&mut hasher);
     hash_volume(job.volume, &mut hasher);
-    let effort = Effort { repeats: 0, ..job.effort };
+    let effort = Effort { repeats: 0, short_repeats: 0, ..job.effort };
     // `Debug` writes real numbers with digits that parse to the same number.
     let forced = job.session.transfer.disabled;
     // The voxels identify the strands, so a flag is enough.

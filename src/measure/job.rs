@@ -19,12 +19,18 @@ use std::time::Instant;
 /// comparison.
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
+/// Time of build and frame together below which they count as short, ms: 20 runs of a method take a second at most.
+pub(super) const SHORT_MS: f64 = 50.0;
+
 /// Extent of a measurement: numbers of timed repeats, visible points, light rays and depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Effort {
     /// Number of timed runs of each shadow method, after warm-up.
     pub repeats: usize,
+    /// Number of timed runs of a shadow method whose build and frame together are short, if larger than `repeats`.
+    #[serde(default)]
+    pub short_repeats: usize,
     /// Number of points visible to the camera at which transmittance errors are measured.
     pub points: usize,
     /// Number of light rays along which each shadow method's error bound is tested.
@@ -33,6 +39,9 @@ pub struct Effort {
     pub depths: usize,
     /// Extent of the test of error bounds.
     pub check: Checked,
+    /// Number of steps of the light, and of the camera, over which flicker is measured; 0: it is not measured.
+    #[serde(default)]
+    pub flicker: usize,
 }
 
 /// Extent of the test of error bounds: light rays of texels, and points between them.
@@ -68,11 +77,21 @@ impl Effort {
     pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
     /// Valid range of `depths`, the number of depths on each light ray at which transmittance is tested.
     pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
+    /// Valid range of `flicker`, the number of steps of the light over which flicker is measured.
+    pub const FLICKER: RangeInclusive<i64> = 2..=1000;
 }
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200, check: Checked::Sample }
+        Self {
+            repeats: 5,
+            short_repeats: 20,
+            points: 20_000,
+            rays: 2000,
+            depths: 200,
+            check: Checked::Sample,
+            flicker: 0,
+        }
     }
 }
 

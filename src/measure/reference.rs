@@ -7,12 +7,14 @@ use super::certified::{CertifiedScene, DEFAULT_ETA};
 use super::check::{Check, check};
 use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
+use super::flicker::{FLICKER_POINTS, Flicker, FlickerReference};
 use super::job::{Checked, Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
 use super::mean_error::{MEAN_ERROR_POINTS, MeanErrorSample};
 use super::point_checks::PointChecks;
 use super::point_report::PointReport;
 use super::progress::{Progress, Step, StepKind};
+use super::random_error::RandomError;
 use super::shadow_error::ShadowReferences;
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::small_scene::small_scene;
@@ -65,6 +67,8 @@ pub(super) struct Reference<'a> {
     /// projection of the light.
     texels: Vec<(LightSpace, Vec<[u32; 2]>)>,
     shadow_references: ShadowReferences,
+    /// Points and exact transmittances for the measurement of flicker, if that was asked for.
+    flicker: Option<(VisiblePointsByLight, FlickerReference)>,
     bricks_ms: Option<f64>,
     tables_ms: Option<f64>,
     /// Time to compute the table of transfer function breakpoints for marching light rays (Hadwiger et al. 2006,
@@ -136,6 +140,15 @@ impl<'a> Reference<'a> {
             }
             None => None,
         };
+        let flicker = match job.effort.flicker {
+            0 => None,
+            _ => {
+                let points = visible.first(FLICKER_POINTS);
+                let step = &mut || progress.check("exact transmittance while the light moves");
+                let reference = FlickerReference::new(field, job, &points, step)?;
+                Some((points, reference))
+            }
+        };
         progress.check("tables")?;
         let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
         for _ in 0..TRANSFER_REPEATS {
@@ -155,6 +168,7 @@ impl<'a> Reference<'a> {
             strands,
             texels: Vec::new(),
             shadow_references: ShadowReferences::default(),
+            flicker,
             bricks_ms: median(bricks),
             tables_ms: median(tables),
             march_table_ms: median(march_tables),
@@ -247,11 +261,21 @@ impl<'a> Reference<'a> {
             if let Some(stats) = self.visible.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
             }
+            let step = &mut || progress.check(&format!("{name}: bias and variance"));
+            if let Some(error) = RandomError::of(method, job.session, job.scene, &self.visible, step)? {
+                row.set_random_error(&error);
+            }
             let drawn = (&shadows[..], picture.pixels.view());
             if let Some(error) = self.shadow_references.measure(job, &self.visible, drawn, progress)? {
                 row.set_shadow_error(&error);
             }
             notes.extend(self.shadow_references.note());
+            if let Some((points, reference)) = &self.flicker {
+                let step = &mut || progress.check(&format!("{name}: flicker"));
+                let Flicker { light_rms, camera_rms } =
+                    reference.measure(method, job.session, points, step)?;
+                [row.flicker_rms, row.flicker_camera_rms] = [light_rms, camera_rms];
+            }
             let maps: Vec<&ShadowMap> = shadows.iter().collect();
             let random = self.random.of(&maps, |map, points| job.session.query(map, points))?;
             row.image_mean_err_bound = Some(random.bound);

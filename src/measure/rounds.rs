@@ -1,7 +1,7 @@
 //! Timed rounds of a comparison of shadow methods: each round runs and times every method once, in turn.
 
 use super::comparison::Compared;
-use super::job::{Job, SLOW_FRAME_MS, name_of};
+use super::job::{Job, SHORT_MS, SLOW_FRAME_MS, name_of};
 use super::journal::{Journal, Measured, Recorded};
 use super::progress::{Progress, Step, StepKind};
 use super::timing::{Event, StageTimes, Timing, Turns, interleave};
@@ -39,6 +39,12 @@ impl<'a> TimedRow<'a> {
         (Self { method, place, key, compared, frame_ms, rounds, warm }, notes)
     }
 
+    /// Whether a build and a frame of the shadow method are short, so that more runs cost little.
+    pub fn is_short(&self) -> bool {
+        let row = &self.compared.row;
+        row.build_ms.zip(row.frame_ms).is_some_and(|(build, frame)| build + frame < SHORT_MS)
+    }
+
     /// Adds a note if the timed rounds of the shadow method are from several runs of the program.
     fn note_runs(&mut self) {
         let mut runs: Vec<_> = self.rounds.iter().map(|(run, _)| run).collect();
@@ -62,12 +68,13 @@ pub fn time(
 ) -> Result<Vec<(String, Error)>> {
     let mut missing = Vec::new();
     for (i, timed) in rows.iter_mut().enumerate() {
-        timed.rounds.truncate(repeats);
-        let rounds = repeats - timed.rounds.len();
+        timed.rounds.truncate(repeats.max(job.effort.short_repeats));
+        let rounds = repeats.saturating_sub(timed.rounds.len());
         // The first picture has warmed up a slow method; the others get one warm-up round, in turn.
         let warmup = usize::from(rounds > 0 && !(timed.warm && timed.frame_ms > SLOW_FRAME_MS));
         let step = Step::new(StepKind::Run, &name_of(timed.method));
         progress.spare(&step, (1 + job.effort.repeats).saturating_sub(warmup + rounds));
+        progress.expect(step, (warmup + rounds).saturating_sub(1 + job.effort.repeats));
         if rounds > 0 {
             missing.push((i, warmup, rounds));
             let row = &mut timed.compared.row;

@@ -4,6 +4,7 @@ use super::bound_check::BoundReport;
 use super::certified::{Certificate, CertifiedPicture};
 use super::check::Check;
 use super::point_report::PointReport;
+use super::random_error::RandomError;
 use super::shadow_error::ShadowError;
 use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
@@ -34,6 +35,8 @@ impl Row {
         self.repeats = u32::try_from(timing.repeats).ok();
         self.fps_static = Some(1000.0 / frame.median);
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
+        let variance = self.point_variance.filter(|variance| *variance > 0.0);
+        self.efficiency = variance.map(|variance| 1000.0 / (variance * frame.median));
     }
 
     /// Adds a note if device times of repeated runs did not agree.
@@ -53,6 +56,12 @@ impl Row {
         [self.point_err_rms_lo, self.point_err_rms_hi] = ends(stats.rms_interval);
     }
 
+    /// Sets the comparison table columns `point_bias`, `point_bias_se` and `point_variance` of a shadow method with random results.
+    pub(super) fn set_random_error(&mut self, error: &RandomError) {
+        [self.point_bias, self.point_bias_se, self.point_variance] =
+            [error.bias, error.bias_se, error.variance].map(Some);
+    }
+
     /// Sets the comparison table columns `image_rmse` and `image_psnr`, the errors of the rendered picture.
     pub fn set_image_error(&mut self, error: &ImageError) {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
@@ -68,7 +77,7 @@ impl Row {
     /// Sets the comparison table columns of transmittance errors along light rays: `ray_err_max`, `bound*`,
     /// `rays_tested` and `depths_tested`.
     pub fn set_ray_errors(&mut self, report: &BoundReport, bound: Option<Bound>) {
-        self.ray_err_max = report.ray_err_max();
+        [self.ray_err_max, self.ray_err_p999] = [report.ray_err_max(), report.ray_err_p999()];
         self.bound = bound.map(|p| p.transmittance);
         self.bound_depth_mm = bound.map(|p| p.depth_mm);
         self.bound_lateral_mm = bound.map(|p| p.lateral_mm);

@@ -106,6 +106,9 @@ columns! {
     nodes_max [""]: Option<u64>,
     /// Largest `|T_method - T_exact|` at depths along light rays through texel centres (T: transmittance, 0 to 1).
     ray_err_max [""]: Option<f64>,
+    /// 99.9th percentile of `|T_method - T_exact|` over the tested depths along light rays, to 1 %. A larger sample
+    /// changes it less than the maximum.
+    ray_err_p999 [""]: Option<f64>,
     /// Largest transmittance error `|T_method - T_exact|` at points visible to the camera.
     point_err_max [""]: Option<f64>,
     /// Root mean square of the transmittance error `T_method - T_exact` at points visible to the camera, weighted by
@@ -122,6 +125,16 @@ columns! {
     /// Mean of the transmittance error `T_method - T_exact` at points visible to the camera, weighted by visibility.
     /// Negative where the method is too dark.
     point_err_mean_signed [""]: Option<f64>,
+    /// Mean of the error `T_method - T_exact` of a random method, at points visible to the camera and over 32 seeds,
+    /// weighted by visibility. Empty for other methods.
+    point_bias [""]: Option<f64>,
+    /// Standard error of `point_bias`, from the means of the seeds.
+    point_bias_se [""]: Option<f64>,
+    /// Variance of the transmittance of a random method at a point, over 32 seeds: mean over points visible to the camera,
+    /// weighted by visibility.
+    point_variance [""]: Option<f64>,
+    /// Efficiency of a random method: `1000 / (point_variance * frame_ms)`. Empty without variance.
+    efficiency ["1/s"]: Option<f64>,
     /// Root mean square transmittance error against the strands as cylinders, not the voxel field, at points visible
     /// to the camera. Empty for volumes without strands.
     strand_err_rms [""]: Option<f64>,
@@ -146,6 +159,12 @@ columns! {
     /// Mean FLIP of the method's picture against that by shadow rays, as a display of 8 bits shows them: 0 for pictures that
     /// look the same, at most 1.
     flip [""]: Option<f64>,
+    /// Flicker while the light turns about the volume in steps of 0.1 degrees (`--flicker`): root mean square, over points
+    /// visible to the camera, of the standard deviation of `T_method - T_exact` at a point over the steps.
+    flicker_rms [""]: Option<f64>,
+    /// Flicker while the camera turns about its target in steps of 0.1 degrees (`--flicker`), at points that stay in the
+    /// picture; otherwise like `flicker_rms`.
+    flicker_camera_rms [""]: Option<f64>,
     /// Upper bound, at 99 % confidence, on the mean error of the picture's shadows: the mean over pixels of
     /// `sum over lights of (1 - ambient) light integral(T_eye sigma |T_method - T_exact| dt)`. From 10,000 random points;
     /// no assumption about the errors.

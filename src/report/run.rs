@@ -294,9 +294,9 @@ impl Run {
     /// Describes the first difference between two comparisons in their scenes or numbers of points, rays and depths;
     /// `None` if they agree. The numbers of timing repeats may differ.
     pub fn sweep_differs(&self, other: &Self) -> Option<String> {
-        let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
+        let effort = |run: &Self| Effort { repeats: 0, short_repeats: 0, ..run.effort };
         if effort(self) != effort(other) {
-            return Some("its errors are of other numbers of points, rays or depths".into());
+            return Some("its errors are of other numbers of points, rays, depths or steps".into());
         }
         scenes_differ(&self.scenes, &other.scenes)
     }
@@ -314,14 +314,18 @@ impl Run {
             words.extend(["--scene".into(), folder.join(&scene.file).to_string_lossy().into_owned()]);
         }
         words.extend(["--methods".into(), self.methods.clone()]);
-        let Effort { repeats, points, rays, depths, check } = self.effort;
-        for (flag, n) in
-            [("--repeats", repeats), ("--points", points), ("--rays", rays), ("--depths", depths)]
-        {
+        let Effort { repeats, short_repeats, points, rays, depths, check, flicker } = self.effort;
+        // Without the flag, methods with short times have more repeats.
+        let repeats = (short_repeats == 0).then_some(("--repeats", repeats));
+        let numbers = [("--points", points), ("--rays", rays), ("--depths", depths)];
+        for (flag, n) in repeats.into_iter().chain(numbers) {
             words.extend([flag.into(), n.to_string()]);
         }
         if check != Checked::default() {
             words.extend(["--check".into(), check.name().into()]);
+        }
+        if flicker > 0 {
+            words.extend(["--flicker".into(), flicker.to_string()]);
         }
         words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));

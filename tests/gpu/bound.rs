@@ -29,7 +29,7 @@ pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (Bo
     let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::MAP_RISE };
     let (mut report, mut sanity) = (BoundReport::default(), Sanity::default());
     let visit = |own, depths: &[f64], values: &[f32]| {
-        report = report.merge(own);
+        report.add(own);
         sanity = sanity.merge(Sanity::of_ray(depths, values, [tolerance::RANGE, rise], 0.0));
     };
     let query = |points: &[DVec3]| setup.session.query(&map, points);

@@ -52,7 +52,7 @@ impl Status {
 }
 
 /// Test results of one shadow method in a stability case with one light: along light rays and in one picture.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Findings {
     /// Errors of the shadow method's transmittance along light rays, against the exact transmittance and the error
     /// bound.
@@ -216,8 +216,11 @@ mod tests {
         let violated = PointReport { violations: 1, worst: Some(violation), ..PointReport::of(40) };
         let right = of(EXACT, Some(narrow()));
         for (found, said) in [
-            (Findings { points: violated, ..right }, "the bound does not hold at 1 of 40 points"),
-            (Findings { enclosure: violated, ..right }, "the enclosure does not hold at 1 of 40 points"),
+            (Findings { points: violated, ..right.clone() }, "the bound does not hold at 1 of 40 points"),
+            (
+                Findings { enclosure: violated, ..right.clone() },
+                "the enclosure does not hold at 1 of 40 points",
+            ),
         ] {
             assert_eq!(found.status(), Status::BoundExceeded);
             let [fault] = &found.faults()[..] else { panic!("{:?}", found.faults()) };

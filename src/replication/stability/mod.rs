@@ -284,7 +284,7 @@ impl Lit<'_> {
         let apart_mm = DEPTHS_APART * near.distance(far);
         let query = |points: &[DVec3]| self.session.query(shadow, points);
         test.visit(self.field, self.light, shadow, query, |own, depths, values| {
-            check = check.merge(own);
+            check.add(own);
             rays = rays.merge(Sanity::of_ray(depths, values, [RANGE, rise], apart_mm));
         })?;
         Ok(Findings { check, bound: shadow.bound, curve: method.curve(), rays, ..Findings::default() })

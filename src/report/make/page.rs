@@ -58,10 +58,31 @@ pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     let facts = [
         ("adapter", format!("{} ({:?}; {})", info.name, info.backend, driver.trim())),
         ("host threads", rayon::current_num_threads().to_string()),
-        ("times", format!("median of {} after a warm-up, methods in turn; slow ones once", effort.repeats)),
+        (
+            "times",
+            format!(
+                "median of {}{} after a warm-up, methods in turn; slow ones once",
+                effort.repeats,
+                if effort.short_repeats > effort.repeats {
+                    format!(" ({} where short)", effort.short_repeats)
+                } else {
+                    String::new()
+                }
+            ),
+        ),
         (
             "errors",
-            format!("{} points; {} light rays of {} depths", effort.points, effort.rays, effort.depths),
+            format!(
+                "{} points; {} light rays of {} depths{}",
+                effort.points,
+                effort.rays,
+                effort.depths,
+                if effort.flicker > 0 {
+                    format!("; flicker over {} steps", effort.flicker)
+                } else {
+                    String::new()
+                }
+            ),
         ),
         ("program", format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"))),
     ];

@@ -59,7 +59,7 @@ pub struct Attack {
 }
 
 /// Result of one attack scene.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Outcome {
     pub report: BoundReport,
     /// Test of the bound at points between the rays of texels.

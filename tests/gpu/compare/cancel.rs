@@ -68,7 +68,15 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let tf = presets::resolve("uniform", &volume).unwrap().tf;
     let scene = Scene { width: 32, height: 32, ..Scene::framing(&volume) };
     let methods = parse_list(METHODS).unwrap();
-    let effort = Effort { repeats, points: 500, rays: 50, depths: 40, check: Checked::Sample };
+    let effort = Effort {
+        repeats,
+        short_repeats: 0,
+        points: 500,
+        rays: 50,
+        depths: 40,
+        check: Checked::Sample,
+        flicker: 0,
+    };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
         Ok(Subject { volume, tf, strands: None, scene, forced: DisabledOptimizations::NONE })

@@ -3,6 +3,7 @@
 mod ablate;
 mod budget;
 mod cancel;
+mod flicker;
 mod folder;
 mod lights;
 mod planted;
@@ -11,6 +12,7 @@ mod shards;
 mod strands;
 mod table;
 
+use crate::common;
 use crate::program::umbravox;
 use std::collections::HashMap;
 use std::path::Path;

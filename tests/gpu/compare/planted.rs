@@ -107,7 +107,15 @@ pub fn compared_within(
     }
     let tf = haze(EXTINCTION);
     let session = Session::open(None, Arc::clone(volume), &tf, DisabledOptimizations::NONE).unwrap();
-    let effort = Effort { repeats: 5, points: 4000, rays: 60, depths: 200, check: Checked::Sample };
+    let effort = Effort {
+        repeats: 5,
+        short_repeats: 0,
+        points: 4000,
+        rays: 60,
+        depths: 200,
+        check: Checked::Sample,
+        flicker: 0,
+    };
     let job = Job::new(&session, (volume, &tf), scene, "haze", effort);
     let mut journal = Journal::nowhere();
     Some(compare_within(&job, methods, budgets, &mut journal, &mut Progress::unseen()).unwrap())

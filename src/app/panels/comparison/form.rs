@@ -57,7 +57,7 @@ impl Default for Form {
     fn default() -> Self {
         Self {
             families: METHODS.iter().map(|entry| MethodRows::new(entry)).collect(),
-            effort: Effort::default(),
+            effort: Effort { short_repeats: 0, ..Effort::default() },
             size: [512, 512],
             folder: "comparison".into(),
             resume: true,
