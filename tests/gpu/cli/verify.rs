@@ -56,3 +56,14 @@ fn a_table_is_confirmed_until_a_digit_of_it_changes() {
     assert!(error.contains("run.json"), "{error}");
     assert!(refused(dir.path(), &["verify", "nowhere"]).contains("nowhere"));
 }
+
+/// The archived folder of a scene that needs no scan. Its errors are those of llvmpipe to the last digit.
+#[test]
+fn an_archived_result_is_confirmed() {
+    if !common::has_adapter() {
+        return;
+    }
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/results/random-rays/cloud");
+    let confirmed = umbravox(std::path::Path::new("."), &["verify", folder]);
+    assert!(confirmed.status.success(), "{}", String::from_utf8_lossy(&confirmed.stderr));
+}
