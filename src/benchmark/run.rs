@@ -7,6 +7,7 @@ use super::folder::Folder;
 use super::measure::{CellJob, compared, effort};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::REVISION;
 use crate::measure::job::Job;
@@ -222,6 +223,9 @@ impl Run<'_> {
 }
 
 /// Returns the session of a cell's volume and transfer function; opens it unless it is that of the cell before.
+///
+/// Each session has a device of its own on the adapter of `renderer`: Mesa's lavapipe keeps a copy of a shader for each
+/// submission that binds other uniforms, a megabyte for each shadow map, until the device is closed.
 fn session<'a>(
     cell: &Cell,
     loaded: &Loaded,
@@ -232,7 +236,8 @@ fn session<'a>(
         // The device may not hold two volumes.
         *known = None;
         let volume = Arc::clone(&loaded.volume);
-        let session = Session::on(renderer, volume, &loaded.tf, DisabledOptimizations::default())?;
+        let own = Arc::new(Renderer::new(Gpu::open(Some(&renderer.gpu().info.name))?));
+        let session = Session::on(&own, volume, &loaded.tf, DisabledOptimizations::default())?;
         *known = Some(OnDevice { cell: cell.clone(), session });
     }
     // It was set above.
