@@ -224,8 +224,8 @@ impl Run<'_> {
 
 /// Returns the session of a cell's volume and transfer function; opens it unless it is that of the cell before.
 ///
-/// Each session has a device of its own on the adapter of `renderer`: Mesa's lavapipe keeps a copy of a shader for each
-/// submission that binds other uniforms, a megabyte for each shadow map, until the device is closed.
+/// Each session has its own device on the adapter of `renderer`: with Mesa's lavapipe, memory grows by up to a megabyte for
+/// each shadow map that is built, until the device is closed.
 fn session<'a>(
     cell: &Cell,
     loaded: &Loaded,
