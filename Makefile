@@ -10,8 +10,10 @@
 #              those of docs/window.md are made anew
 # make sizes   screenshots of the window in out/sizes, from 640 x 480 to 1920 x 1080 points at the scales 1 and 2
 # make measured   measures the tables of docs/results/adapters on this adapter, into ADAPTER.md there (MEASURED_FLAGS="--only cost")
-# make pictures   every picture of README and docs but the window's, and the README's table (out/strip/compare.md), anew; on a quiet
-#              machine, for its times (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100" is a trial)
+# make results    measures the archived tables of docs/results again and writes their pages, on a quiet machine (RESULTS=near-rays
+#              for some of them)
+# make pictures   every picture of README and docs but the window's, anew (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100"
+#              is a trial)
 # make check-tools   what is missing to build and run; installs nothing
 
 CARGO ?= cargo
@@ -23,7 +25,6 @@ DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
 UMBRAVOX_DATA ?= ../shared/data
 SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
-STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2
 GRID_METHODS := none;rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;fourier:map=256,terms=15
 PICTURES_EFFORT ?= --repeats 7
 PICTURES_DIR ?= docs
@@ -31,7 +32,7 @@ XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 XVFB_LARGE := xvfb-run -a -s "-screen 0 3840x2160x24"
 SIZES ?= 640x480@1 900x560@1 900x560@2 1280x720@1 1280x720@2 1920x1080@1 1920x1080@2
 
-.PHONY: demo quick test python adapters lint bench shots sizes measured pictures setup check-tools
+.PHONY: demo quick test python adapters lint bench shots sizes measured results pictures setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -91,12 +92,15 @@ measured: setup
 	$(CARGO) build --release --locked
 	UMBRAVOX_DATA="$(UMBRAVOX_DATA)" scripts/measured.py $(UMBRAVOX) $(MEASURED_FLAGS)
 
+results: setup
+	$(CARGO) build --release --locked
+	UMBRAVOX_DATA="$(UMBRAVOX_DATA)" scripts/results.sh $(UMBRAVOX) $(RESULTS)
+
 pictures: setup
 	$(CARGO) build --release --locked
 	$(CARGO) build --release --locked --example strip
 	@mkdir -p $(PICTURES_DIR)
-	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(STRIP_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/strip
-	$(TARGET_DIR)/release/examples/strip examples/chest.toml out/strip/compare.csv $(PICTURES_DIR)/strip.png
+	$(TARGET_DIR)/release/examples/strip examples/chest.toml docs/results/chest/table/compare.csv $(PICTURES_DIR)/strip.png
 	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(GRID_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/grid
 	cp out/grid/grid.png $(PICTURES_DIR)/grid.png
 	$(UMBRAVOX) render --scene examples/chest.toml --size 220x220 --light-sweep 24 --fps 8 -o $(PICTURES_DIR)/sweep.gif

@@ -2,7 +2,7 @@
 """Measures tables on the adapter of this machine and writes docs/results/adapters/ADAPTER.md.
 
 usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
-Sections: errors, methods, bound, stability, tuned, cost, growth. All of them take hours on two cores with a software
+Sections: methods, bound, stability, cost, growth. All of them take hours on two cores with a software
 adapter, and minutes on a graphics card. The file is written after each section; --only leaves its other sections as they
 are. --quick takes fewer repeats and rays, to see that all runs, and prints to the screen alone.
 A section that fails says so in its place, and the others go on: a card on which something fails is worth a report.
@@ -89,16 +89,6 @@ DIVERGENCE = ["work_divergence_build", "work_longest_build", "work_divergence_fr
 WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces"]
 
 
-def errors():
-    """Error of `osm` by number of planes, and of `dsm` marched by cells and by samples."""
-    tf = work / "even.json"
-    tf.write_text(json.dumps({"name": "even", "points": [{"value": 0, "extinction": 0}, {"value": 1000, "extinction": 0.05}]}))
-    rows = compare("phantom:slab", "--tf", tf, "--light", "dir:0.4,-0.5,0.75", "--size", "64x64", "--methods", "osm:bits=32,map=64,fit=volume,layers=8,16,32,64,128,256")
-    for name, scene in scenes():
-        rows += compare(*scene, *LIGHT, "--size", "256x256", "--name", name, "--methods", "dsm:epsilon=0.005,map=512,precompress=off,step=0.5,1,2;dsm:epsilon=0.005,map=512,march=cells;dsm:epsilon=0.005,map=512,march=samples,step=0.5,1")
-    return table(rows, ["scene", "method", "params", "map", *ERRORS])
-
-
 def methods():
     """`examples/chest.toml`, 320x320, map 256."""
     rows = compare("--scene", root / "examples" / "chest.toml", "--methods", "none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31")
@@ -133,14 +123,6 @@ def stability():
     return "```\n" + (found.group() if found else text.strip()) + "\n```"
 
 
-def tuned():
-    """Settings searched within budgets, beside the defaults."""
-    name, scene = list(scenes())[-1]
-    methods = ["--name", name, "--methods", "dsm;osm;dom;bom"]
-    rows = compare(*scene, *LIGHT, *methods, "--budget", "bytes=2MiB,8MiB")
-    return table(rows, [*TIMES, *ERRORS[:3], "tuned_for"])
-
-
 def cost():
     """What shadows cost at which error, 512x512, `--step 1`; the fastest row of each scene up to an error is marked."""
     maps = "192,256,320,384,512"
@@ -164,7 +146,7 @@ def growth():
     return table(rows, [*TIMES, *SPLIT])
 
 
-sections = {f.__name__: f for f in (errors, methods, bound, stability, tuned, cost, growth)}
+sections = {f.__name__: f for f in (methods, bound, stability, cost, growth)}
 chosen = a.only.split(",") if a.only else list(sections)
 unknown = [name for name in chosen if name not in sections]
 if unknown:

@@ -17,6 +17,7 @@ mod raw;
 mod readme;
 mod registers;
 mod report_browser;
+mod results;
 mod rooms;
 mod shaders;
 mod strands;

@@ -17,7 +17,7 @@ fn markdown(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Every documentation page with its text.
-fn pages() -> Vec<(PathBuf, String)> {
+pub fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let single = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "python/README.md"];
     let paths = single.into_iter().map(|page| root.join(page)).chain(markdown(&root.join("docs")));

@@ -1,0 +1,80 @@
+#!/usr/bin/env bash
+# Measures the tables that docs/results archives, and has their pages written again.
+# usage: results.sh UMBRAVOX [FOLDER...]    UMBRAVOX: the program; FOLDER: such as near-rays/engine-ct, near-rays, chest;
+# without folders, all but the benchmark, which takes hours: name it.
+# Scans are found in UMBRAVOX_DATA (../shared/data). Times are those of this machine: let nothing else run.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+root=$PWD
+program=$(realpath "$1")
+shift
+data=$(realpath "${UMBRAVOX_DATA:-../shared/data}")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+# Commands run where scans and functions lie, so that the archives have no absolute paths.
+ln -s "$data"/*.nii.gz "$root"/docs/results/functions/*.json "$root/examples/chest.toml" "$work"
+mkdir "$work/bin" && ln -s "$program" "$work/bin/umbravox"
+export PATH=$work/bin:$PATH
+chosen=("$@")
+
+# Whether a folder was asked for: by its name, by that of a folder around it, or as one of all.
+is_chosen() {
+    local folder=$1 name
+    [[ ${#chosen[@]} -gt 0 ]] || { [[ $folder != benchmark/* ]] && return; return 1; }
+    for name in "${chosen[@]}"; do [[ $folder == "$name" || $folder == "$name"/* ]] && return; done
+    return 1
+}
+
+# archive FOLDER ARGUMENT...: runs the program, and keeps the table with what `umbravox verify` needs.
+archive() {
+    local folder=$1 name file
+    shift
+    is_chosen "$folder" || return 0
+    name=$(basename "$folder")
+    echo "$folder"
+    (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
+    rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
+    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells ranks_bytes_{512KiB,2MiB}.png; do
+        [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
+    done
+    rm -rf "${work:?}/$name"
+}
+
+light=(--light dir:0.5,-0.5,0.7071)
+
+archive chest/table compare --scene chest.toml --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2"
+
+near="dsm:epsilon=0.005,map=128,256,near=0,2,4,8;dsm:epsilon=0.005,map=256,near=0,4,align=on;avsm:map=256,near=0,4;clusters:map=256,near=0,4;bom:map=256,near=0,4;osm:map=256,near=0,4;moments:map=256,near=0,4"
+enclosures="dsm:fit=volume,epsilon=0.005,map=256,enclose=on,near=0,2,4,8;dsm:fit=volume,epsilon=0.005,map=512,enclose=on,near=4"
+# scene NAME VOLUME...: the tables that have a row or a column for each scene.
+scene() {
+    local name=$1
+    shift
+    archive "near-rays/$name" compare "$@" "${light[@]}" --methods "$near" --size 256x256 --step 1 --rays 200
+    archive "enclosures/$name" compare "$@" "${light[@]}" --methods "$enclosures" --size 64x48 --points 4000 --rays 1000 --repeats 1
+}
+scene engine-ct engine.nii.gz --tf ct
+scene engine-isosurface engine.nii.gz --tf isosurface
+scene vessels CT_AVM.nii.gz --tf vessels
+scene vessels-isosurface CT_AVM.nii.gz --tf isosurface
+scene head CT_pitch.nii.gz --tf ct
+scene thorax phantom:thorax:128 --tf ct
+scene hair phantom:hair-curly --tf hair
+
+optimal="dsm:epsilon=0.005,0.02,0.06,compress=greedy,optimal"
+archive optimal-nodes/engine compare engine.nii.gz --tf engine.json --methods "$optimal" --rays 500
+archive optimal-nodes/vessels compare CT_AVM.nii.gz --tf vessels --methods "$optimal" --rays 500
+
+for step in 1 0.5 0.25; do
+    archive "shadow-errors/step-$step" compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step "$step" --methods "none;rays;dsm:epsilon=0.02,map=256;osm:map=256;rays:lookup=each;dsm:map=256,lookup=each"
+done
+
+archive strands/hair-curly compare phantom:hair-curly:1500000 --resolution 128 --light dir:0.5,0.6,0.6 --size 256x256 --step 1 --repeats 3 --points 4000 --methods "dsm:epsilon=0.02,map=64,128,192,from=voxels,lines;osm:layers=32,map=64,128,192,from=voxels,lines;dom:layers=15,map=64,128,192,from=voxels,lines;bom:layers=15,map=64,128,192,from=voxels,lines;clusters:clusters=8,map=64,128,192,from=voxels,lines;fourier:terms=7,range=texel,map=64,128,192,from=voxels,lines;avsm:nodes=16,map=64,128,192,from=voxels,lines;moments:moments=6,map=64,128,192,from=voxels,lines"
+
+random="rays;rays:march=samples,step=0.5,1,2,4;rays:estimator=ratio,residual,samples=1,4,16;rays:estimator=jackknife,samples=8,32,128;rays:estimator=unbiased,samples=4,16,64"
+archive random-rays/cloud compare phantom:cloud:128 --tf cloud.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
+archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
+
+archive benchmark/front benchmark --data . --cells "*-front"
+
+UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages

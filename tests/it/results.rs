@@ -1,0 +1,194 @@
+//! Tables and rankings of README and `docs/`, which are made from the archived files in `docs/results`.
+//!
+//! A comment opens such a block, which ends at the next empty line:
+//!
+//! - `<!-- table FILE...: COLUMN, COLUMN as HEADING, ... | LABEL; LABEL; ... -->` has a line for each row,
+//! - `<!-- pivot FILE...: COLUMN | LABEL; LABEL; ... -->` has one column of each file, with a line for each label,
+//! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark.
+//!
+//! A column is that of the CSV file, with `/` and a divisor (number or column) if need be. Further columns are `folder`
+//! (of the file), `label` (method with its settings) and `setting` (with its map too). Labels or settings behind `|`
+//! select rows.
+
+use crate::readme::pages;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use umbravox::report::markdown::{Align, aligned_table};
+use umbravox::report::number::significant;
+
+type Row = BTreeMap<String, String>;
+
+/// Rows of a CSV file, with the additional columns `folder`, `label` and `setting`.
+fn rows(path: &Path) -> Vec<Row> {
+    let mut reader =
+        csv::Reader::from_path(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let folder = path.parent().and_then(Path::file_name).unwrap().to_string_lossy().into_owned();
+    let rows = reader.deserialize::<Row>().map(|row| {
+        let mut row = row.unwrap();
+        let get = |name: &str| row.get(name).cloned().unwrap_or_default();
+        let method = |settings: String| match settings.trim_matches(',') {
+            "" => get("method"),
+            settings => format!("{}:{settings}", get("method")),
+        };
+        let params = get("params").replace(' ', ",");
+        let map =
+            Some(get("map")).filter(|map| !map.is_empty()).map_or(String::new(), |map| format!("map={map}"));
+        let (label, setting) = (method(params.clone()), method(format!("{params},{map}")));
+        row.extend(
+            [("folder", folder.clone()), ("label", label), ("setting", setting)]
+                .map(|(k, v)| (k.to_owned(), v)),
+        );
+        row
+    });
+    rows.collect()
+}
+
+/// Rows with one of the labels or settings, in the order of the labels; all rows for an empty list.
+fn selected<'a>(all: &'a [Row], labels: &str) -> Vec<&'a Row> {
+    if labels.is_empty() {
+        return all.iter().collect();
+    }
+    let of = |label: &str| {
+        let found: Vec<&Row> =
+            all.iter().filter(|row| row["label"] == label || row["setting"] == label).collect();
+        assert!(!found.is_empty(), "no row {label}");
+        found
+    };
+    labels.split("; ").flat_map(of).collect()
+}
+
+fn value<'a>(row: &'a Row, column: &str) -> &'a str {
+    row.get(column).unwrap_or_else(|| panic!("no column {column}"))
+}
+
+/// Text of a cell. Numbers have three digits, method names are code.
+fn cell(row: &Row, expression: &str) -> String {
+    let (column, divisor) = expression.split_once('/').unwrap_or((expression, "1"));
+    let text = value(row, column);
+    if text.is_empty() {
+        return String::new();
+    }
+    let number = |text: &str| text.parse::<f64>().ok();
+    match number(text) {
+        Some(x) => {
+            let divisor = number(divisor).or_else(|| number(value(row, divisor)));
+            divisor.map_or_else(String::new, |divisor| significant(x / divisor, 3))
+        }
+        None if ["label", "setting", "method", "params"].contains(&column) => format!("`{text}`"),
+        None => text.replace("true", "yes").replace("false", "no"),
+    }
+}
+
+fn table(folder: &Path, instruction: &str) -> String {
+    let (files, columns) = instruction.split_once(": ").expect("files and columns");
+    let (columns, labels) = columns.split_once(" | ").unwrap_or((columns, ""));
+    let columns: Vec<(&str, &str)> =
+        columns.split(", ").map(|c| c.split_once(" as ").unwrap_or((c, c))).collect();
+    let all: Vec<Row> = files.split(' ').flat_map(|file| rows(&folder.join(file))).collect();
+    let chosen = selected(&all, labels);
+    let is_text = |column: &str| ["folder", "label", "setting", "method", "params"].contains(&column);
+    let headings: Vec<(String, Align)> = columns
+        .iter()
+        .map(|(column, heading)| {
+            let name = if column == heading && !is_text(column) {
+                format!("`{heading}`")
+            } else {
+                (*heading).to_owned()
+            };
+            (name, if is_text(column) { Align::Left } else { Align::Right })
+        })
+        .collect();
+    let cells: Vec<Vec<String>> =
+        chosen.iter().map(|row| columns.iter().map(|(column, _)| cell(row, column)).collect()).collect();
+    aligned_table(&headings, &cells)
+}
+
+fn pivot(folder: &Path, instruction: &str) -> String {
+    let (files, column) = instruction.split_once(": ").expect("files and a column");
+    let (column, labels) = column.split_once(" | ").expect("a column and labels");
+    let files: Vec<Vec<Row>> = files.split(' ').map(|file| rows(&folder.join(file))).collect();
+    let mut headings = vec![(String::from("setting"), Align::Left)];
+    headings.extend(files.iter().map(|rows| (rows[0]["folder"].clone(), Align::Right)));
+    let line = |label: &str| {
+        let cells = files.iter().map(|rows| match selected(rows, label)[..] {
+            [row] => cell(row, column),
+            _ => panic!("several rows {label}"),
+        });
+        [format!("`{label}`")].into_iter().chain(cells).collect()
+    };
+    let lines: Vec<Vec<String>> = labels.split("; ").map(line).collect();
+    aligned_table(&headings, &lines)
+}
+
+/// List of the budgets of a benchmark, with the three methods that win most cells and those with the least mean rank.
+fn ranking(folder: &Path, file: &str) -> String {
+    let rows = rows(&folder.join(file));
+    let mut budgets: Vec<&str> = rows.iter().map(|row| value(row, "budget")).collect();
+    budgets.dedup();
+    let number = |row: &Row, column: &str| value(row, column).parse::<f64>().unwrap();
+    let percent = |row: &Row, column: &str| format!("{:.0}", 100.0 * number(row, column));
+    let item = |budget: &&str| {
+        let mut ranks: Vec<&Row> = rows.iter().filter(|row| value(row, "budget") == *budget).collect();
+        ranks.sort_by(|a, b| number(b, "share").total_cmp(&number(a, "share")));
+        let [first, second, third] =
+            [0, 1, 2].map(|i| (value(ranks[i], "method"), percent(ranks[i], "share")));
+        let mut text = format!(
+            "- Within {}, `{}` has the least error in {} % of {} scenes (95 % interval over volumes: {} to {} %), `{}` in {} %\n  \
+             and `{}` in {} %.",
+            budget.trim_start_matches("bytes=").replace("KiB", " KiB").replace("MiB", " MiB"),
+            first.0,
+            first.1,
+            value(ranks[0], "cells"),
+            percent(ranks[0], "share_volumes_lo"),
+            percent(ranks[0], "share_volumes_hi"),
+            second.0,
+            second.1,
+            third.0,
+            third.1,
+        );
+        ranks.sort_by(|a, b| number(a, "mean_rank").total_cmp(&number(b, "mean_rank")));
+        let [first, second, third] =
+            [0, 1, 2].map(|i| (value(ranks[i], "method"), number(ranks[i], "mean_rank")));
+        text += &format!(
+            " The least mean ranks are those of `{}` ({:.1}), `{}` ({:.1})\n  and `{}` ({:.1}).\n",
+            first.0, first.1, second.0, second.1, third.0, third.1
+        );
+        text
+    };
+    budgets.iter().map(item).collect()
+}
+
+/// The page with the text of every block made again.
+fn renewed(path: &Path, page: &str) -> String {
+    let folder = path.parent().unwrap();
+    let mut blocks = page.split("<!-- ");
+    let mut text = blocks.next().unwrap().to_owned();
+    for block in blocks {
+        let (instruction, rest) = block.split_once(" -->\n").expect("the comment ends with its line");
+        let made = match instruction.split_once(' ').unwrap() {
+            ("table", instruction) => table(folder, instruction),
+            ("pivot", instruction) => pivot(folder, instruction),
+            ("ranking", file) => ranking(folder, file),
+            (other, _) => panic!("{}: {other}", path.display()),
+        };
+        let after = rest.find("\n\n").map_or("", |end| &rest[end + 1..]);
+        text += &format!("<!-- {instruction} -->\n{made}{after}");
+    }
+    text
+}
+
+#[test]
+fn tables_of_the_pages_are_those_of_the_archived_results() {
+    let mut count = 0;
+    for (path, page) in pages() {
+        let made = renewed(&path, &page);
+        count += page.matches("<!-- ").count();
+        if std::env::var_os("UMBRAVOX_REWRITE").is_some() && made != page {
+            fs::write(&path, &made).unwrap();
+        }
+        let written = fs::read_to_string(&path).unwrap();
+        assert!(written == made, "{}: UMBRAVOX_REWRITE=1 writes its tables again", path.display());
+    }
+    assert!(count > 0, "no block found");
+}
