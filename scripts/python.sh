@@ -32,9 +32,10 @@ cargo=${CARGO:-cargo}
 export PYO3_BUILD_EXTENSION_MODULE=1
 # Prints packages of pyproject.toml: what the module and its tests import.
 packages=$("$python" - <<'END'
-import json, re
+import json, os, re
 text = open("pyproject.toml").read()
-lists = [re.search(rf"^{key} = (\[.*\])$", text, re.M)[1] for key in ("dependencies", "test")]
+keys = ["dependencies", "test"] + ["objects"] * (os.environ.get("UMBRAVOX_TESTS") == "full")
+lists = [re.search(rf"^{key} = (\[.*\])$", text, re.M)[1] for key in keys]
 print("\n".join(name for found in lists for name in json.loads(found)))
 END
 )

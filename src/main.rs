@@ -7,7 +7,7 @@ use umbravox::cli::view::ViewArgs;
 
 fn main() -> ExitCode {
     quiet_device_selection();
-    umbravox::cli::main(env::args_os(), view)
+    umbravox::cli::main(env::args_os(), view).into()
 }
 
 /// Opens the viewer window for the `view` command.

@@ -14,6 +14,7 @@ mod volume;
 use numpy::{PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use umbravox::files::picture::{Backdrop, write_picture_with};
 use umbravox::open::SceneRequest;
@@ -27,7 +28,7 @@ mod _umbravox {
     #[pymodule_export]
     use super::volume::{PyVolume, read};
     #[pymodule_export]
-    use super::{arguments_of_scenes, methods, presets, write_picture};
+    use super::{arguments_of_scenes, command, methods, presets, write_picture};
 
     use pyo3::prelude::*;
 
@@ -35,6 +36,18 @@ mod _umbravox {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
+}
+
+/// Runs a command line of the program `umbravox`, whose first argument is the program name. Prints its output and any
+/// error, and returns the exit status.
+#[pyfunction]
+fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    let no_window = |_| {
+        let why = "the Python package has no window";
+        Err(umbravox::Error::input("cannot open the window", "view", why)
+            .hint("`cargo install --path .` in the sources builds the program with its window"))
+    };
+    py.detach(|| umbravox::cli::main(arguments, no_window))
 }
 
 /// Names of the built-in transfer functions (presets), with descriptions.

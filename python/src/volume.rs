@@ -46,7 +46,7 @@ impl InputVolume {
         let (file, stored) = match text(labels)? {
             Some(file) => (Some(file), None),
             None => {
-                let (array, _) = of_image(labels)?;
+                let (array, _) = of_image(labels, "labels")?;
                 (None, Some(self::stored(&array, axes, "labels")?))
             }
         };
@@ -100,7 +100,7 @@ impl PyVolume {
     ) -> Outcome<Self> {
         let (py, axes, name) = (voxels.py(), axes.unwrap_or("ijk"), name.unwrap_or("array"));
         let spacing = spacing.map(|given| spacing_of(given, name)).transpose()?;
-        let (voxels, own) = of_image(voxels)?;
+        let (voxels, own) = of_image(voxels, name)?;
         let affine = affine.or(own.as_ref().filter(|_| spacing.is_none()));
         let world_from_index = match (affine, spacing) {
             (Some(_), Some(_)) => {
@@ -287,12 +287,22 @@ pub fn warn(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
     Ok(())
 }
 
-/// Returns the array and the affine of a nibabel image; other objects are returned unchanged, without affine.
-fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
-    match given.hasattr("dataobj")? && given.hasattr("affine")? {
-        true => Ok((given.getattr("dataobj")?, Some(given.getattr("affine")?))),
-        false => Ok((given.clone(), None)),
-    }
+/// Returns the array and the affine of an image of another package; other objects are returned unchanged, without
+/// affine.
+fn of_image<'py>(
+    given: &Bound<'py, PyAny>,
+    name: &str,
+) -> Outcome<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
+    let py = given.py();
+    let objects = py.import("umbravox._objects")?;
+    let found =
+        objects.call_method1("array_and_affine", (given,)).map_err(|e| match e
+            .is_instance_of::<pyo3::exceptions::PyValueError>(py)
+        {
+            true => Fault::input(WHAT, name, e.value(py).to_string()),
+            false => Fault::Raised(e),
+        })?;
+    Ok(found.extract()?)
 }
 
 /// Converts a Python array with three axes to voxels; also returns its stored type, and a warning if values were

@@ -1,8 +1,11 @@
 """The module and the command line are one program: the same bytes, the same figures, the same words."""
 
 import csv
+import importlib.metadata
 import json
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -154,3 +157,40 @@ def test_errors_have_the_same_words(arguments, line, program, tmp_path):
     assert told.stderr.splitlines()[0].startswith("error: ")
     assert told.stderr.splitlines()[0].endswith(f": {e.why}")
     assert told.returncode == 2 and isinstance(e, ValueError)
+
+
+def package(*words, **options):
+    """Runs the command of the package, in a process of its own."""
+    command = [sys.executable, "-m", "umbravox", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [["--version"], ["info", "phantom:thorax:24"], ["render", "--help"], ["tf", "list"], [], ["info", "nowhere.nii"], ["rendr"]],
+    ids=" ".join,
+)
+def test_the_command_of_the_package_is_the_program(line, program):
+    ours, theirs = package(*line), program(*line)
+    assert (ours.returncode, ours.stdout, ours.stderr) == (theirs.returncode, theirs.stdout, theirs.stderr)
+
+
+def test_the_command_of_the_package_renders(program, adapter, tmp_path):
+    for run, name in [(package, "ours.npy"), (program, "theirs.npy")]:
+        told = run("render", "phantom:thorax:24", "--size", "32x24", "-o", tmp_path / name)
+        assert told.returncode == 0, told.stderr
+    assert (tmp_path / "ours.npy").read_bytes() == (tmp_path / "theirs.npy").read_bytes()
+
+
+def test_the_package_says_that_it_has_no_window():
+    told = package("view")
+    assert told.returncode == 2 and "no window" in told.stderr and "cargo install" in told.stderr
+
+
+def test_the_package_installs_its_command():
+    try:
+        importlib.metadata.distribution("umbravox")
+    except importlib.metadata.PackageNotFoundError:
+        pytest.skip("the module is imported from a folder, not installed")
+    (entry,) = (e for e in importlib.metadata.entry_points(group="console_scripts") if e.name == "umbravox")
+    assert entry.load().__module__ == "umbravox.__main__"

@@ -28,7 +28,6 @@ use clap::{CommandFactory, Parser, Subcommand};
 use console::{print_message, print_result};
 use std::ffi::OsString;
 use std::io::{self, IsTerminal};
-use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
 /// Volumetric shadows for CT volumes, with the error of each shadow method against an exact answer.
@@ -69,8 +68,9 @@ pub fn command() -> clap::Command {
 /// the window belongs to a higher module.
 pub type Window = fn(view::ViewArgs) -> Result<()>;
 
-/// Runs a command line, whose first argument is the program name. Prints any error and returns the exit status.
-pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCode {
+/// Runs a command line, whose first argument is the program name. Prints any error and returns the exit status: 0, 1 if the
+/// command failed, 2 for wrong input.
+pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {
         Ok(cli) => {
@@ -83,13 +83,13 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
         Err(e) => Err(error::from_clap(&e, named_command(&args).as_deref())),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(e) => {
             print_message("error", &e);
             if let Some(hint) = &e.hint {
                 print_message("hint", hint);
             }
-            ExitCode::from(e.exit_status())
+            e.exit_status()
         }
     }
 }
