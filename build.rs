@@ -1,5 +1,5 @@
 //! Sets the revision of the program: `UMBRAVOX_REVISION` is the commit, with `+changes` and a hash of them where the sources
-//! differ from it, or `unknown` outside a git checkout.
+//! differ from it. Outside a git checkout it is that of the environment, or `unknown`.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -9,7 +9,12 @@ use std::process::Command;
 const SOURCES: [&str; 6] = ["build.rs", "Cargo.toml", "Cargo.lock", "shaders", "src", "transfer_functions"];
 
 fn main() {
-    println!("cargo:rustc-env=UMBRAVOX_REVISION={}", revision().unwrap_or_else(|| "unknown".into()));
+    println!("cargo:rerun-if-env-changed=UMBRAVOX_REVISION");
+    let given = || std::env::var("UMBRAVOX_REVISION").ok().filter(|given| !given.is_empty());
+    println!(
+        "cargo:rustc-env=UMBRAVOX_REVISION={}",
+        revision().or_else(given).unwrap_or_else(|| "unknown".into())
+    );
     for path in SOURCES {
         println!("cargo:rerun-if-changed={path}");
     }

@@ -12,7 +12,7 @@ data=$(realpath "${UMBRAVOX_DATA:-../shared/data}")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # Commands run where scans and functions lie, so that the archives have no absolute paths.
-ln -s "$data"/*.nii.gz "$root"/docs/results/functions/*.json "$root/examples/chest.toml" "$work"
+ln -s "$data"/*.nii.gz "$root"/docs/results/functions/*.json "$root/examples"/{chest.toml,external_vtk.py} "$work"
 mkdir "$work/bin" && ln -s "$program" "$work/bin/umbravox"
 export PATH=$work/bin:$PATH
 chosen=("$@")
@@ -75,6 +75,9 @@ random="rays;rays:march=samples,step=0.5,1,2,4;rays:estimator=ratio,residual,sam
 archive random-rays/cloud compare phantom:cloud:128 --tf cloud.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
 archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
 
+# Needs a python3 with vtk, nibabel, numpy and OpenEXR.
+vtk="xvfb-run -a python3 external_vtk.py"
+archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods "dsm;osm" --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
 archive benchmark/front benchmark --data . --cells "*-front"
 
 UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages

@@ -30,7 +30,8 @@ pub struct Answer {
     pub point_err_p99: Option<f64>,
     /// Largest absolute error of transmittance.
     pub point_err_max: Option<f64>,
-    /// Root mean square difference of an external program's picture from the exact one.
+    /// Root mean square difference of the small picture from the exact one: of external programs that draw it, and of
+    /// methods beside such programs.
     #[serde(default)]
     pub image_rmse: Option<f64>,
     /// Number of settings that the searches for all budgets of this method tried in the cell.
@@ -53,7 +54,7 @@ impl Answer {
     }
 
     /// Returns the names and texts of the values that do not depend on time.
-    pub fn values(&self) -> [(&'static str, String); 6] {
+    pub fn values(&self) -> [(&'static str, String); 7] {
         let text = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         [
             ("bytes", self.bytes.map_or(String::new(), |bytes| bytes.to_string())),
@@ -62,6 +63,7 @@ impl Answer {
             ("point_err_rms_hi", text(self.point_err_rms_hi)),
             ("point_err_p99", text(self.point_err_p99)),
             ("point_err_max", text(self.point_err_max)),
+            ("image_rmse", text(self.image_rmse)),
         ]
     }
 

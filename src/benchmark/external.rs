@@ -7,12 +7,9 @@
 use super::answer::Answer;
 use super::measure::{CellJob, Errors};
 use crate::error::{Error, Result};
-use crate::exact::ExactField;
 use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
 use crate::formats::write_nifti;
-use crate::measure::small_scene::small_scene;
-use crate::measure::stats::image_error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -168,9 +165,7 @@ impl Files<'_> {
         if !path.exists() {
             return Ok(None);
         }
-        let job = cell.job();
-        let exact = ExactField::new(job.volume, job.tf).picture(&small_scene(job.scene));
-        Ok(Some(image_error(read_exr(&path)?.view(), exact.view())?.rmse))
+        cell.picture_error(read_exr(&path)?.view()).map(Some)
     }
 }
 

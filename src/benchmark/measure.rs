@@ -9,11 +9,14 @@ use crate::measure::budget::search::{Search, Side};
 use crate::measure::budget::{Budget, By};
 use crate::measure::errors::VisiblePoints;
 use crate::measure::job::{Effort, Job};
-use crate::measure::stats::rms_difference_interval;
+use crate::measure::small_scene::small_scene;
+use crate::measure::stats::{image_error, rms_difference_interval};
 use crate::measure::table::Row;
 use crate::measure::timing::Timing;
 use crate::shadow::{BuildReport, Entry, Method, MethodSpec, SearchSpace, ShadowMap};
 use itertools::Itertools as _;
+use ndarray::{Array3, ArrayView3};
+use std::cell::OnceCell;
 
 /// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
 /// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
@@ -28,6 +31,10 @@ pub struct CellJob<'a> {
     visible: VisiblePoints,
     /// Hash of the visible points and their exact transmittances.
     pub hash: String,
+    /// Whether answers get an error of the small picture too, for a comparison with programs that draw one.
+    pub with_pictures: bool,
+    /// Exact small picture of the cell, once it is needed.
+    exact_picture: OnceCell<Array3<f32>>,
 }
 
 /// Errors of an answer at all visible points, each with the weight of the point.
@@ -49,7 +56,16 @@ impl<'a> CellJob<'a> {
             ));
         }
         let hash = exact::fingerprint(&visible);
-        Ok(Self { job, visible, hash })
+        Ok(Self { job, visible, hash, with_pictures: false, exact_picture: OnceCell::new() })
+    }
+
+    /// Returns the rms difference of a small picture of the cell from the exact one.
+    ///
+    /// # Errors
+    /// The picture has another size.
+    pub fn picture_error(&self, picture: ArrayView3<f32>) -> Result<f64> {
+        let exact = || ExactField::new(self.job.volume, self.job.tf).picture(&small_scene(self.job.scene));
+        Ok(image_error(picture, self.exact_picture.get_or_init(exact).view())?.rmse)
     }
 
     /// Visible points of the cell, with their exact transmittances.
@@ -153,7 +169,7 @@ impl<'a> CellJob<'a> {
                 Some(place) => {
                     let method = space.method(&place).ok_or_else(|| no_method(entry))?;
                     answer.converged = Some(converged);
-                    errors = self.measure(method.as_ref(), Some(*budget), &mut answer)?;
+                    errors = self.measure(method.as_ref(), Some(*budget), self.with_pictures, &mut answer)?;
                 }
                 None => answer.note.clone_from(&note),
             }
@@ -177,12 +193,13 @@ impl<'a> CellJob<'a> {
         Ok(trial)
     }
 
-    /// Measures errors and memory of a method, and its times for a budget of time. Returns its error at every visible
-    /// point.
+    /// Measures errors and memory of a method, its times for a budget of time, and with `with_picture` the error of its
+    /// picture. Returns its error at every visible point.
     pub(super) fn measure(
         &self,
         method: &dyn Method,
         budget: Option<Budget>,
+        with_picture: bool,
         answer: &mut Answer,
     ) -> Result<Errors> {
         let shadow = self.build(method)?;
@@ -203,6 +220,11 @@ impl<'a> CellJob<'a> {
         }
         let errors = self.visible.weighted(self.job.session, &shadow)?;
         answer.set_errors(&errors)?;
+        if with_picture {
+            let (session, scene) = (self.job.session, small_scene(self.job.scene));
+            let shadow = session.shadow_of(method, &scene, scene.light())?;
+            answer.image_rmse = Some(self.picture_error(session.render(&shadow, &scene)?.pixels.view())?);
+        }
         Ok(errors)
     }
 

@@ -131,7 +131,8 @@ impl Run<'_> {
     ) -> Result<CellResult> {
         let subject = (&*loaded.volume, &loaded.tf);
         let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
-        let cell_job = CellJob::new(job)?;
+        let mut cell_job = CellJob::new(job)?;
+        cell_job.with_pictures = !self.externals.is_empty();
         let mut of_externals = Vec::new();
         for external in self.externals {
             watch(&format!("{}: {}", cell.name, external.name))?;
