@@ -3,6 +3,7 @@
 pub mod benchmark;
 pub mod claims;
 pub mod compare;
+pub mod completions;
 mod console;
 pub mod convert;
 mod error;
@@ -10,6 +11,7 @@ pub mod frames;
 pub mod info;
 mod interrupt;
 pub mod merge;
+pub mod methods;
 pub mod phantom;
 pub mod probe;
 mod probe_curve;
@@ -56,6 +58,8 @@ enum Command {
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
     Tf(tf::TfArgs),
+    Methods(methods::MethodsArgs),
+    Completions(completions::CompletionsArgs),
     View(Box<view::ViewArgs>),
 }
 
@@ -80,7 +84,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> u8 {
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             print_result(&e.render())
         }
-        Err(e) => Err(error::from_clap(&e, named_command(&args).as_deref())),
+        Err(e) => Err(error::from_clap(&e, &args, &command(), named_command(&args).as_deref())),
     };
     match result {
         Ok(()) => 0,
@@ -110,6 +114,8 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
         Command::Tf(args) => tf::run(args),
+        Command::Methods(args) => methods::run(&args),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::View(args) => window(*args),
     }
 }

@@ -45,16 +45,26 @@ pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
 /// Limit on the magnitude of input coordinates. Beyond it, the length of a segment could overflow.
 const MAX_COORDINATE: f64 = 1e300;
 
-/// Parses lines of `N` numbers separated by white space, from an input file of `probe`. Blank lines are ignored.
+/// Words of a line of an input file, separated by white space or commas.
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    line.split([',', ' ', '\t']).filter(|word| !word.is_empty())
+}
+
+/// Parses lines of `N` numbers separated by white space or commas, from an input file of `probe`. Blank lines, lines that
+/// begin with `#`, and a first line without any number are ignored.
 fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
-    let lines = (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty());
+    let is_header = |content: &str| words(content).all(|word| word.parse::<f64>().is_err());
+    let lines = (1..).zip(text.lines().map(str::trim));
+    let lines = lines.filter(|(_, content)| !content.is_empty() && !content.starts_with('#'));
+    let lines =
+        lines.enumerate().filter(|(n, (_, content))| *n > 0 || !is_header(content)).map(|(_, line)| line);
     let row = |(line, content): (usize, &str)| {
         let refuse = |why: String| Error::input(what, format!("{place}: line {line}"), why).hint(hint);
         let number = |word: &str| {
             let known = word.parse().ok().filter(|x: &f64| x.abs() < MAX_COORDINATE);
             known.ok_or_else(|| refuse(format!("`{word}` is not a finite number below 1e300")))
         };
-        let numbers = content.split_whitespace().map(number).collect::<Result<Vec<_>>>()?;
+        let numbers = words(content).map(number).collect::<Result<Vec<_>>>()?;
         let wrong = |numbers: Vec<f64>| refuse(format!("{} numbers where {N} are expected", numbers.len()));
         <[f64; N]>::try_from(numbers).map_err(wrong)
     };
@@ -86,8 +96,12 @@ mod tests {
 
     #[test]
     fn points_are_rows_of_three() {
-        let points = parse_points("1 2 3\n\n-4 5e0 .5\n", "points.txt").unwrap();
-        assert_eq!(points, [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 5.0, 0.5)]);
+        let expected = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 5.0, 0.5)];
+        for text in
+            ["1 2 3\n\n-4 5e0 .5\n", "# x y z\r\n1, 2,3\r\n-4\t5e0 .5", "x,y,z\n1,2,3\n# end\n-4,5,.5"]
+        {
+            assert_eq!(parse_points(text, "points.txt").unwrap(), expected);
+        }
         let error = parse_points("1 2 3\n1 2", "points.txt").unwrap_err();
         assert!(error.to_string().contains("points.txt: line 2): 2 numbers where 3"), "{error}");
     }
@@ -100,7 +114,8 @@ mod tests {
             ("0 0 1e999 1 1 1", "rays.txt: line 1): `1e999` is not a finite number"),
             ("0 0 1 1 1", "rays.txt: line 1): 5 numbers"),
             ("0 0 1 1 1 2 3", "rays.txt: line 1): 7 numbers"),
-            ("0,0,1,1,1,2", "rays.txt: line 1): `0,0,1,1,1,2` is not a finite number"),
+            ("a b c d e f\n0 0 x 1 1 1", "rays.txt: line 2): `x` is not a finite number"),
+            ("0 0 1 1 1 1\na b c d e f", "rays.txt: line 2): `a` is not a finite number"),
             ("-1e308 0 0 1e308 0 0", "rays.txt: line 1): `-1e308` is not a finite number"),
         ] {
             let error = parse_segments(text, "rays.txt").unwrap_err();

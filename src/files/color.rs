@@ -16,6 +16,17 @@ pub fn srgb8_from_linear(linear: f64) -> u8 {
     (srgb_from_linear(linear) * 255.0).round() as u8
 }
 
+/// Converts an sRGB colour in the form `#rrggbb`, or a colour name of SVG such as `white`, to linear RGB.
+///
+/// # Errors
+/// The text is neither.
+pub fn parse(text: &str) -> Result<[f64; 3], String> {
+    if let Some(named) = palette::named::from_str(&text.to_ascii_lowercase()) {
+        return Ok([named.red, named.green, named.blue].map(|code| linear_from_srgb(f64::from(code) / 255.0)));
+    }
+    parse_hex(text).map_err(|why| format!("{why} or a name such as white"))
+}
+
 /// Converts an sRGB colour in the form `#rrggbb` to linear RGB.
 ///
 /// # Errors
@@ -53,6 +64,13 @@ mod tests {
         // The standard's mid grey: code 188 is 50.3 % of linear light.
         assert!((parse_hex("#bcbcbc").unwrap()[1] - 0.502_886).abs() < 1e-6);
         assert_eq!(to_hex(parse_hex("#d0B090").unwrap()), "#d0b090");
+    }
+
+    #[test]
+    fn names_are_those_of_svg() {
+        assert_eq!((parse("White"), parse("teal")), (parse_hex("#ffffff"), parse_hex("#008080")));
+        assert_eq!(parse("#102030"), parse_hex("#102030"));
+        assert!(parse("whitish").unwrap_err().contains("#rrggbb or a name"));
     }
 
     #[test]

@@ -53,14 +53,14 @@ impl Serialize for OpaqueFile {
 /// Parses the value of `--mesh`: a mesh file with its colour.
 fn mesh_file(text: &str) -> Result<OpaqueFile, String> {
     let (source, [hex]) = values::with_keys(text, ["color"])?;
-    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
+    let color = color::parse(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
     Ok(OpaqueFile { source: source.into(), color, thickness_mm: None })
 }
 
 /// Parses the value of `--strands`: a strand file with its colour and diameter.
 fn strand_file(text: &str) -> Result<OpaqueFile, String> {
     let (source, [hex, mm]) = values::with_keys(text, ["color", "thickness"])?;
-    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
+    let color = color::parse(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
     let thickness_mm = mm.map(values::thickness_mm).transpose();
     let thickness_mm = thickness_mm.map_err(|why| format!("thickness: {why}"))?;
     Ok(OpaqueFile { source: source.into(), color, thickness_mm })
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!((files[1].source.as_str(), files[1].color[0]), ("c,d.ply", 1.0));
         let text = serde_json::to_string(&files[1]).unwrap();
         assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
-        assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
+        assert!(mesh_file("a.stl,color=reddish").unwrap_err().contains("#rrggbb"));
         assert!(mesh_file(",color=#ffffff").is_err());
         let flags = OpaqueFlags { mesh: Some(vec![mesh_file("no such file.stl").unwrap()]), strands: None };
         let error = flags.read(&mut Vec::new(), &Loading::default()).unwrap_err();
@@ -169,7 +169,7 @@ mod tests {
         for (text, why) in [
             ("a.tck,thickness=0", "above 0"),
             ("a.tck,thickness=x", "thickness"),
-            ("a.tck,color=red", "#rrggbb"),
+            ("a.tck,color=reddish", "#rrggbb"),
             ("a.tck,thickness=1,thickness=2", "twice"),
             (",thickness=1", "expected FILE[,color=...][,thickness=...]"),
             ("", "expected FILE"),

@@ -64,7 +64,7 @@ pub struct ResolvedTransferFunction {
 /// # Errors
 /// There is no such preset (the hint lists them), or the file cannot be read.
 pub fn find(name_or_path: &str) -> Result<Found> {
-    if let Some(preset) = PRESETS.iter().find(|p| p.name == name_or_path) {
+    if let Some(preset) = PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(name_or_path)) {
         return Ok(Found::Preset(preset));
     }
     let path = Path::new(name_or_path);

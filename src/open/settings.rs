@@ -59,7 +59,7 @@ pub struct SceneSettings {
     #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
     #[serde(serialize_with = "display", skip_serializing_if = "Option::is_none")]
     pub shadow: Option<MethodSpec>,
-    /// Picture size in pixels [default: 512x512]
+    /// Picture size in pixels; one number stands for both sides [default: 512x512]
     #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
     pub size: Option<Size>,
     /// Position of the camera, world mm [default: frames the visible part of the volume, and opaque objects]
@@ -71,7 +71,7 @@ pub struct SceneSettings {
     /// Up direction of the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<DVec3>,
-    /// Side from which the camera looks: A, P, L, R, S or I [default: front, a little from the side and above]
+    /// Side from which the camera looks: A, P, L, R, S or I; or front, back, top, bottom [default: front, a little from the side and above]
     #[arg(long, value_name = "SIDE", value_parser = values::view, help_heading = "Scene")]
     pub view: Option<AxisView>,
     /// Zoom factor: narrows the field of view [default: 1]
@@ -80,8 +80,8 @@ pub struct SceneSettings {
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::within(0.001..=179.9), allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
-    /// Light, may be given several times: dir:x,y,z towards a light at infinity, or point:x,y,z in world mm, followed
-    /// by ,color=#rrggbb (sRGB; default: white) and ,intensity=F (default: 1) [default: dir:0.5,0.5,0.7071]
+    /// Light, may be given several times: dir:x,y,z (or x,y,z) towards a light at infinity, or point:x,y,z in world mm,
+    /// followed by ,color=#rrggbb (sRGB, or a name; default: white) and ,intensity=F (default: 1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
@@ -95,7 +95,7 @@ pub struct SceneSettings {
     /// Shading by the gradient, or of strands by their direction (kajiya-kay) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
-    /// Background colour, sRGB; or none: black, and transparent in picture files [default: #000000]
+    /// Background colour, sRGB or a name such as white; or none: black, and transparent in picture files [default: #000000]
     #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
     pub background: Option<Background>,
     /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
@@ -128,17 +128,14 @@ fn tf_help() -> String {
     help
 }
 
-/// Long help text of `--shadow`, which lists the shadow methods with their settings and defaults.
+/// Long help text of `--shadow`, which lists the shadow methods.
 fn shadow_help() -> String {
     let mut help =
         String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
     for method in METHODS {
         help += &format!("\n  {:<12} {}", method.name, method.summary);
-        for key in method.keys {
-            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values(), key.default, key.help);
-        }
     }
-    help
+    help + "\n\n`umbravox methods NAME` lists the settings of a method."
 }
 
 fn display<S: Serializer>(spec: &Option<MethodSpec>, serializer: S) -> std::result::Result<S::Ok, S::Error> {

@@ -52,11 +52,12 @@ impl Serialize for Background {
     }
 }
 
-/// Parses a picture size `WxH`, each from 1 to 16384 pixels.
+/// Parses a picture size `WxH`, each from 1 to 16384 pixels; a single number stands for both.
 pub fn size(text: &str) -> Result<Size, String> {
     let side = |s: &str| s.parse().ok().filter(|n| (1..=MAX_PICTURE_SIDE).contains(n));
-    match text.split_once(['x', 'X']).map(|(w, h)| (side(w), side(h))) {
-        Some((Some(width), Some(height))) => Ok(Size { width, height }),
+    let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
+    match (side(width), side(height)) {
+        (Some(width), Some(height)) => Ok(Size { width, height }),
         _ => Err(format!("expected WxH, each a whole number from 1 to {MAX_PICTURE_SIDE}")),
     }
 }
@@ -112,7 +113,7 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// Parses a light: `dir:x,y,z` or `point:x,y,z`, then optionally `,color=#rrggbb` (sRGB) and `,intensity=F`, each at
+/// Parses a light: `dir:x,y,z` (or `x,y,z` alone) or `point:x,y,z`, then optionally `,color=#rrggbb` (sRGB) and `,intensity=F`, each at
 /// most once.
 pub fn light(text: &str) -> Result<LightSource, String> {
     let (place, [color, intensity]) = with_keys(text, ["color", "intensity"])?;
@@ -122,10 +123,14 @@ pub fn light(text: &str) -> Result<LightSource, String> {
     let light = match place.split_once(':') {
         Some(("dir", v)) => Light::Directional { toward: direction(v)? },
         Some(("point", v)) => Light::Point { position: point(v)? },
+        None => {
+            let refuse = |why| format!("{why}: expected dir:x,y,z or point:x,y,z");
+            Light::Directional { toward: direction(place).map_err(refuse)? }
+        }
         _ => return Err("expected dir:x,y,z or point:x,y,z".into()),
     };
     let white = LightSource::from(light);
-    let color = color.map_or(Ok(white.color), color::parse_hex)?;
+    let color = color.map_or(Ok(white.color), color::parse)?;
     Ok(LightSource { light, color, intensity: intensity.map_or(Ok(white.intensity), light_intensity)? })
 }
 
@@ -163,11 +168,11 @@ fn light_intensity(text: &str) -> Result<f64, String> {
     within(0.0..=MOST_INTENSITY)(text).map(|x| x + 0.0).map_err(|why| format!("intensity: {why}"))
 }
 
-/// Parses a background colour: `#rrggbb`, or `none`.
+/// Parses a background colour: `#rrggbb`, a name, or `none`.
 pub fn background(text: &str) -> Result<Background, String> {
     match text {
         "none" => Ok(Background::None),
-        _ => color::parse_hex(text).map(Background::Color).map_err(|why| format!("{why} or `none`")),
+        _ => color::parse(text).map(Background::Color).map_err(|why| format!("{why}, or `none`")),
     }
 }
 
@@ -180,8 +185,10 @@ pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
     Ok(v.to_array())
 }
 
-/// Parses a side from which the camera looks, by its letter (A, P, L, R, S, I) or its name.
+/// Parses a side from which the camera looks, by its letter (A, P, L, R, S, I), its name, or front, back, top or bottom.
 pub fn view(text: &str) -> Result<AxisView, String> {
+    let common = [("front", "A"), ("back", "P"), ("top", "S"), ("bottom", "I")];
+    let text = common.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map_or(text, |(_, mark)| mark);
     let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
     AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
 }
@@ -210,11 +217,12 @@ mod tests {
     #[test]
     fn good_values() {
         assert_eq!(size("640x480"), Ok(Size { width: 640, height: 480 }));
+        assert_eq!(size("512"), Ok(Size { width: 512, height: 512 }));
         assert_eq!(point("-1,2.5, 3e2"), Ok(DVec3::new(-1.0, 2.5, 300.0)));
         assert_eq!(direction("0,0,-4"), Ok(-DVec3::Z));
         let [up, at] = [Light::Directional { toward: DVec3::Y }, Light::Point { position: DVec3::Y * 2.0 }]
             .map(LightSource::from);
-        assert_eq!(light("dir:0,2,0"), Ok(up));
+        assert_eq!((light("dir:0,2,0"), light("0,2,0")), (Ok(up), Ok(up)));
         assert_eq!(light("point:0,2,0"), Ok(at));
         let red = [1.0, 0.0, 0.0];
         assert_eq!(light("dir:0,2,0,color=#ff0000"), Ok(LightSource { color: red, ..up }));
@@ -223,14 +231,18 @@ mod tests {
         assert_eq!(light("point:0,2,0,color=#ff0000,intensity=2.5"), both);
         assert_eq!(light("point:0,2,0,intensity=2.5,color=#ff0000"), both);
         assert_eq!(spacing_mm("1,2,0.5"), Ok([1.0, 2.0, 0.5]));
-        assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
+        for red in ["#ff0000", "red", "RED"] {
+            assert_eq!(background(red), Ok(Background::Color([1.0, 0.0, 0.0])));
+        }
+        let marks = ["front", "Back", "top", "bottom", "left", "R"].map(|name| view(name).unwrap().mark);
+        assert_eq!(marks, ["A", "P", "S", "I", "L", "R"]);
         assert_eq!(background("none"), Ok(Background::None));
         assert_eq!((within(0.0..=1.0)("0"), within(0.01..=8.0)("8")), (Ok(0.0), Ok(8.0)));
     }
 
     #[test]
     fn bad_values_say_why() {
-        for bad in ["", "512", "0x5", "5x0", "16385x1", "-1x5", "5x5x5", "1.5x2", "99999999999x1"] {
+        for bad in ["", "0", "0x5", "5x0", "16385x1", "-1x5", "5x5x5", "1.5x2", "99999999999x1"] {
             assert!(size(bad).unwrap_err().contains("WxH"), "{bad}");
         }
         for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "1,inf,3", "1,2,1e10", "1;2;3"] {
@@ -239,11 +251,11 @@ mod tests {
         for bad in ["0,0,0", "1e-300,0,0"] {
             assert!(direction(bad).unwrap_err().contains("length"), "{bad}");
         }
-        for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2,3", "point:1,2", "color=#ffffff"] {
+        for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2", "point:1,2", "color=#ffffff"] {
             assert!(light(bad).is_err(), "{bad}");
         }
         for (keys, why) in [
-            ("color=red", "#rrggbb"),
+            ("color=redd", "#rrggbb"),
             ("color=", "#rrggbb"),
             ("intensity=", "number"),
             ("intensity=-1", "0 to"),

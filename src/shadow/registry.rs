@@ -144,7 +144,12 @@ impl<'a> Written<'a> {
             None => (text, None),
         };
         if name.is_empty() || name.contains([',', '=']) {
-            return Err(refuse("expected NAME[:key=value,...]".into()));
+            let error = refuse("expected NAME[:key=value,...]".into());
+            return Err(if name.contains(',') {
+                error.hint("methods are separated by `;`, in quotes")
+            } else {
+                error
+            });
         }
         let mut params: Vec<(&str, Vec<&str>)> = Vec::new();
         for part in rest.into_iter().flat_map(|rest| rest.split(',')) {

@@ -124,7 +124,8 @@ fn paragraphs(page: &str) -> Vec<String> {
     let text: String = page.split("```").step_by(2).collect::<Vec<_>>().join("\n\n");
     let mut paragraphs = vec![String::new()];
     for line in text.lines().map(str::trim) {
-        let is_prose = !line.is_empty() && !["|", "#", "!["].iter().any(|start| line.starts_with(start));
+        let is_prose =
+            !line.is_empty() && !["|", "#", "![", "<!--"].iter().any(|start| line.starts_with(start));
         let number = line.trim_start_matches(|c: char| c.is_ascii_digit());
         if !is_prose || line.starts_with("- ") || (number != line && number.starts_with(". ")) {
             paragraphs.push(String::new());

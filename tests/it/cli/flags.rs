@@ -105,7 +105,7 @@ fn bad_command_lines_are_one_error_line_that_names_the_flag() {
         (&["render", "-o", "a.png", "--fov", "wide"], "--fov", "`wide` is not a number"),
         (&["render", "-o", "a.png", "--size", "0x10"], "--size", "WxH"),
         (&["render", "-o", "a.png", "--size", "16385x10"], "--size", "16384"),
-        (&["render", "-o", "a.png", "--size", "512"], "--size", "WxH"),
+        (&["render", "-o", "a.png", "--size", "512x"], "--size", "WxH"),
         (&["render", "-o", "a.png", "--ambient", "1.5"], "--ambient", "from 0 to 1"),
         (&["render", "-o", "a.png", "--ambient", "-0.1"], "--ambient", "from 0 to 1"),
         (&["render", "-o", "a.png", "--step", "0"], "--step", "from 0.01 to 8"),
@@ -118,7 +118,7 @@ fn bad_command_lines_are_one_error_line_that_names_the_flag() {
         (&["render", "-o", "a.png", "--light", "dir:0,0,0"], "--light", "length is 0"),
         (&["render", "-o", "a.png", "--light", "sun"], "--light", "dir:x,y,z"),
         (&["render", "-o", "a.png", "--light", "point:1,2"], "--light", "x,y,z"),
-        (&["render", "-o", "a.png", "--background", "black"], "--background", "#rrggbb"),
+        (&["render", "-o", "a.png", "--background", "blackish"], "--background", "#rrggbb"),
         (&["render", "-o", "a.png", "--shading", "phong"], "--shading", "'phong'"),
         (
             &["render", "phantom:thorax", "-o", "a.png", "--shading", "kajiya-kay"],
@@ -174,6 +174,49 @@ fn a_misspelling_gets_a_hint() {
 }
 
 #[test]
+fn hints_name_what_was_meant() {
+    let dir = tempfile::tempdir().unwrap();
+    for (line, hint) in [
+        (&["compare", "phantom:slab:8", "--methods", "dsm,osm", "-o", "d"][..], "separated by `;`"),
+        (&["compare", "phantom:slab:8", "-tf", "bone", "-o", "d"], "did you mean `--tf`?"),
+        (&["render", "phantom:slab:8", "-x", "-o", "a.png"], "see `umbravox render --help`"),
+    ] {
+        refused(dir.path(), line);
+        let stderr = String::from_utf8(umbravox(dir.path(), line).stderr).unwrap();
+        assert!(stderr.contains("hint: ") && stderr.contains(hint), "{line:?}: {stderr}");
+    }
+}
+
+#[test]
+fn methods_are_listed_with_their_settings() {
+    let dir = tempfile::tempdir().unwrap();
+    let printed = |line: &[&str]| String::from_utf8(umbravox(dir.path(), line).stdout).unwrap();
+    let all = printed(&["methods"]);
+    for method in umbravox::shadow::METHODS {
+        assert!(all.lines().any(|line| line.starts_with(&format!("{} ", method.name))), "{}", method.name);
+        let own = printed(&["methods", method.name]);
+        assert!(
+            method.keys.iter().all(|key| own.contains(&format!("\n{}={}", key.name, key.values()))),
+            "{own}"
+        );
+    }
+    assert!(refused(dir.path(), &["methods", "esm"]).contains("dsm, osm"));
+}
+
+#[test]
+fn completions_and_man_pages_are_made() {
+    let dir = tempfile::tempdir().unwrap();
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = String::from_utf8(umbravox(dir.path(), &["completions", shell]).stdout).unwrap();
+        assert!(script.contains("umbravox") && script.contains("opacity-scale"), "{shell}");
+    }
+    assert!(umbravox(dir.path(), &["completions", "--man", "."]).status.success());
+    let page = std::fs::read_to_string(dir.path().join("umbravox-render.1")).unwrap();
+    assert!(page.contains(".TH") && page.contains("opacity\\-scale"), "{page}");
+    assert!(refused(dir.path(), &["completions"]).contains("required"));
+}
+
+#[test]
 fn negative_vectors_are_values_with_and_without_the_equals_sign() {
     let dir = tempfile::tempdir().unwrap();
     // Both must get as far as the transfer function, which is looked for after the flags are read.
@@ -210,7 +253,7 @@ fn lights_that_make_no_sense_are_refused_in_one_line() {
         ("dir:0,0,1,intensity=-1", "0 to"),
         ("dir:0,0,1,intensity=nan", "finite"),
         ("dir:0,0,1,intensity=1,intensity=2", "twice"),
-        ("point:0,0,1,color=red", "#rrggbb"),
+        ("point:0,0,1,color=reddish", "#rrggbb"),
         ("point:0,0,1,size=2", "no key"),
     ] {
         let said = render(&["dir:0,0,1", light]);
