@@ -141,6 +141,9 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
         ("size", [Value::Integer(width), Value::Integer(height)]) => {
             Ok(Value::String(format!("{width}x{height}")))
         }
+        ("light", [x, y, z]) if !values.iter().any(Value::is_str) => {
+            Ok(Value::String(format!("{x},{y},{z}")))
+        }
         _ => Ok(Value::Array(values)),
     }
 }

@@ -12,12 +12,12 @@ use glam::DVec3;
 use ndarray::{Array3, s};
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString};
+use pyo3::types::{PyBytes, PyDict, PyList, PyString};
 use std::path::PathBuf;
 use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
-use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
+use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, picture_png, with_texts, write_picture_with};
 use umbravox::open::{SceneRequest, SceneSettings};
 
 /// Number of rows of an exact picture that are computed between two checks for Ctrl-C.
@@ -113,6 +113,16 @@ impl PyScene {
             let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
             write_picture_with(&path, &picture.pixels, backdrop, &self.state.texts(&request, cancellation)?)
         })
+    }
+
+    /// Picture of the scene as a PNG file, which notebooks show.
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
+        let request = self.request(None)?;
+        let png = self.done(py, |cancellation| {
+            let picture = self.state.drawn(&request, cancellation)?;
+            with_texts(picture_png(&picture.pixels)?, &self.state.texts(&request, cancellation)?)
+        })?;
+        Ok(PyBytes::new(py, &png))
     }
 
     /// Renders the exact reference picture, which takes minutes at large sizes; `progress` is called with each step.

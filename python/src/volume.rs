@@ -40,14 +40,17 @@ impl InputVolume {
         self.read_by.is_some() && !self.has_own_labels
     }
 
-    /// Adds the labels of a segmentation (an array or a file), resampled to the volume.
+    /// Adds the labels of a segmentation, resampled to the volume: a file or an image with a place of its own, or an array
+    /// of the grid of the volume.
     pub fn labelled(self, labels: &Bound<'_, PyAny>, axes: &str) -> Outcome<Self> {
         let py = labels.py();
         let (file, stored) = match text(labels)? {
             Some(file) => (Some(file), None),
             None => {
-                let (array, _) = of_image(labels, "labels")?;
-                (None, Some(self::stored(&array, axes, "labels")?))
+                let (array, affine) = of_image(labels, "labels")?;
+                let affine = affine.map(|affine| affine_of(&affine, "labels")).transpose()?;
+                let axes = if affine.is_some() { "ijk" } else { axes };
+                (None, Some((self::stored(&array, axes, "labels")?, affine)))
             }
         };
         let is_array = file.is_none();
@@ -58,11 +61,11 @@ impl InputVolume {
             move |_| {
                 let segmentation = match (file, stored) {
                     (Some(file), _) => load(&VolumeSpec::new(file))?,
-                    (None, Some((voxels, kind, _))) => {
+                    (None, Some(((voxels, kind, _), affine))) => {
                         let about = Provenance::new("labels", "array", kind);
-                        let segmentation =
-                            Volume::new(voxels, Scaling::IDENTITY, volume.world_from_index(), about)?;
-                        if segmentation.dims() != volume.dims() {
+                        let place = affine.unwrap_or_else(|| volume.world_from_index());
+                        let segmentation = Volume::new(voxels, Scaling::IDENTITY, place, about)?;
+                        if affine.is_none() && segmentation.dims() != volume.dims() {
                             let [theirs, ours] = [segmentation.dims(), volume.dims()];
                             let why = format!("their shape is {theirs:?}, and the volume's {ours:?}");
                             return Err(Error::input("cannot use labels", "labels", why));
@@ -98,9 +101,13 @@ impl PyVolume {
         axes: Option<&str>,
         name: Option<&str>,
     ) -> Outcome<Self> {
-        let (py, axes, name) = (voxels.py(), axes.unwrap_or("ijk"), name.unwrap_or("array"));
+        let (py, name) = (voxels.py(), name.unwrap_or("array"));
         let spacing = spacing.map(|given| spacing_of(given, name)).transpose()?;
         let (voxels, own) = of_image(voxels, name)?;
+        if own.is_some() && axes.is_some() {
+            return Err(Fault::input(WHAT, name, "`axes` is about arrays; an image says what its axes are"));
+        }
+        let axes = axes.unwrap_or("ijk");
         let affine = affine.or(own.as_ref().filter(|_| spacing.is_none()));
         let world_from_index = match (affine, spacing) {
             (Some(_), Some(_)) => {

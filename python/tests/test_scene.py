@@ -274,3 +274,16 @@ def test_downsampling_is_a_switch_or_factors():
     assert uv.read("phantom:thorax:16", downsample="2x2x2").shape == tuple((n + 1) // 2 for n in whole.shape)
     for off in [False, None, True]:
         assert uv.read("phantom:thorax:16", downsample=off).shape == whole.shape
+
+
+def test_notebooks_show_the_picture(adapter, scene, tmp_path):
+    scene.write(tmp_path / "scene.png")
+    assert scene._repr_png_() == (tmp_path / "scene.png").read_bytes()
+
+
+def test_lights_at_infinity_are_directions(adapter, scene):
+    expected = scene.render(light="dir:0.5,0,1")
+    for same in [(0.5, 0, 1), np.array([0.5, 0, 1]), [(0.5, 0, 1)], "0.5,0,1"]:
+        np.testing.assert_array_equal(scene.render(light=same), expected)
+    with pytest.raises(uv.InputError, match="light"):
+        scene.render(light=(0, 1))

@@ -80,7 +80,7 @@ class SceneArguments(TypedDict, total=False):
     view: str | None
     zoom: float | str | None
     fov: float | None
-    light: str | Sequence[str] | None
+    light: str | _Three | Sequence[str | _Three] | None
     mesh: _Path | Sequence[_Path] | None
     strands: _Path | Sequence[_Path] | None
     ambient: float | None
@@ -119,9 +119,9 @@ class Volume:
 
     ``voxels`` has the axes i, j, k, as nibabel's arrays do and as the affine counts them; ``axes="kji"`` says that the first
     axis is the slowest, as in SimpleITK's arrays and in .npy files that this program reads. Integers of 32 and 64 bits become
-    float64; NaN and infinities the smallest finite value, with a warning. Images of nibabel,
-    SimpleITK, ITK, VTK and PyVista, arrays of xarray and layers of napari bring their affine along.
-    ``labels`` is a segmentation of the same grid, or a file of one on any.
+    float64; NaN and infinities the smallest finite value, with a warning. Images of nibabel, SimpleITK, ITK, VTK and PyVista,
+    arrays of xarray and layers of napari bring their affine along. ``labels`` is a segmentation: an array of the same grid,
+    or an image or a file of any.
     """
 
     def __new__(
@@ -195,6 +195,8 @@ class Scene:
         """Renders a picture, height x width x 4: linear RGB over the background, and opacity."""
     def write(self, path: _Path, **arguments: Unpack[SceneArguments]) -> None:
         """Renders a picture to a file (.png, .exr, .npy) like ``umbravox render``."""
+    def _repr_png_(self) -> bytes:
+        """Picture of the scene as a PNG file, which notebooks show."""
     def exact_picture(
         self, *, progress: _Progress = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float32]:

@@ -21,6 +21,8 @@ def array_and_affine(given: Any) -> tuple[Any, Any]:
         return _of_itk(given)
     if hasattr(given, "GetDirectionMatrix") and hasattr(given, "GetPointData"):
         return _of_vtk(given)
+    if hasattr(given, "data_vars") and hasattr(given, "coords"):
+        raise ValueError("it is a Dataset; give one of its arrays")
     if hasattr(given, "dims") and hasattr(given, "coords"):
         return _of_xarray(given)
     if hasattr(given, "data_to_world") and hasattr(given, "multiscale"):

@@ -84,7 +84,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> u8 {
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             print_result(&e.render())
         }
-        Err(e) => Err(error::from_clap(&e, &args, &command(), named_command(&args).as_deref())),
+        Err(e) => Err(error::from_clap(&e, &args, named_command(&args).as_ref())),
     };
     match result {
         Ok(()) => 0,
@@ -120,9 +120,9 @@ fn run(command: Command, window: Window) -> Result<()> {
     }
 }
 
-/// Name of the command in a command line that the parser clap rejected; the error's hint names it.
-fn named_command(args: &[OsString]) -> Option<String> {
-    let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
+/// Command in a command line that the parser clap rejected; the error's hint names it.
+fn named_command(args: &[OsString]) -> Option<clap::Command> {
+    let named = |a: &OsString| Cli::command().find_subcommand(a).cloned();
     args.iter().skip(1).find_map(named)
 }
 

@@ -45,15 +45,21 @@ pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
 /// Limit on the magnitude of input coordinates. Beyond it, the length of a segment could overflow.
 const MAX_COORDINATE: f64 = 1e300;
 
-/// Words of a line of an input file, separated by white space or commas.
-fn words(line: &str) -> impl Iterator<Item = &str> {
-    line.split([',', ' ', '\t']).filter(|word| !word.is_empty())
+/// Words of a line of an input file, separated by commas if there are any, otherwise by white space.
+fn words(line: &str) -> Vec<&str> {
+    match line.contains(',') {
+        true => line.split(',').map(str::trim).collect(),
+        false => line.split_whitespace().collect(),
+    }
 }
 
 /// Parses lines of `N` numbers separated by white space or commas, from an input file of `probe`. Blank lines, lines that
-/// begin with `#`, and a first line without any number are ignored.
+/// begin with `#`, and a first line of `N` names are ignored.
 fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
-    let is_header = |content: &str| words(content).all(|word| word.parse::<f64>().is_err());
+    let is_name = |word: &&str| {
+        word.parse::<f64>().is_err() && word.starts_with(|c: char| c.is_alphabetic() || c == '"')
+    };
+    let is_header = |content: &str| words(content).iter().filter(|word| is_name(word)).count() == N;
     let lines = (1..).zip(text.lines().map(str::trim));
     let lines = lines.filter(|(_, content)| !content.is_empty() && !content.starts_with('#'));
     let lines =
@@ -64,7 +70,7 @@ fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -
             let known = word.parse().ok().filter(|x: &f64| x.abs() < MAX_COORDINATE);
             known.ok_or_else(|| refuse(format!("`{word}` is not a finite number below 1e300")))
         };
-        let numbers = words(content).map(number).collect::<Result<Vec<_>>>()?;
+        let numbers = words(content).into_iter().map(number).collect::<Result<Vec<_>>>()?;
         let wrong = |numbers: Vec<f64>| refuse(format!("{} numbers where {N} are expected", numbers.len()));
         <[f64; N]>::try_from(numbers).map_err(wrong)
     };
@@ -114,6 +120,9 @@ mod tests {
             ("0 0 1e999 1 1 1", "rays.txt: line 1): `1e999` is not a finite number"),
             ("0 0 1 1 1", "rays.txt: line 1): 5 numbers"),
             ("0 0 1 1 1 2 3", "rays.txt: line 1): 7 numbers"),
+            ("0;0;1;1;1;2", "rays.txt: line 1): `0;0;1;1;1;2` is not a finite number"),
+            ("0,,1,1,1,2", "rays.txt: line 1): `` is not a finite number"),
+            ("a b c d e\n0 0 1 1 1 1", "rays.txt: line 1): `a` is not a finite number"),
             ("a b c d e f\n0 0 x 1 1 1", "rays.txt: line 2): `x` is not a finite number"),
             ("0 0 1 1 1 1\na b c d e f", "rays.txt: line 2): `a` is not a finite number"),
             ("-1e308 0 0 1e308 0 0", "rays.txt: line 1): `-1e308` is not a finite number"),

@@ -19,12 +19,12 @@ layer! {
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct OpaqueFlags {
     /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
-    /// ,color=#rrggbb (sRGB; default: bone)
+    /// ,color=#rrggbb (sRGB, or a name; default: #e3dac9)
     #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
     pub mesh: Option<Vec<OpaqueFile>>,
     /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj
-    /// file or phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB; default: blue) and ,thickness=MM
-    /// (needed if the file has none)
+    /// file or phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB, or a name; default:
+    /// #7fb2e5) and ,thickness=MM (needed if the file has none)
     #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
     pub strands: Option<Vec<OpaqueFile>>,
 }

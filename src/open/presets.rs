@@ -64,7 +64,7 @@ pub struct ResolvedTransferFunction {
 /// # Errors
 /// There is no such preset (the hint lists them), or the file cannot be read.
 pub fn find(name_or_path: &str) -> Result<Found> {
-    if let Some(preset) = PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(name_or_path)) {
+    if let Some(preset) = PRESETS.iter().find(|p| p.name == name_or_path) {
         return Ok(Found::Preset(preset));
     }
     let path = Path::new(name_or_path);
@@ -73,12 +73,14 @@ pub fn find(name_or_path: &str) -> Result<Found> {
     }
     let names = PRESETS.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
     let endings = formats::endings().join(", .");
+    let meant = PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(name_or_path));
+    let meant = meant.map_or(String::new(), |preset| format!("did you mean `{}`? ", preset.name));
     Err(Error::input(
         "unknown transfer function",
         format!("--tf {name_or_path}"),
         "it is neither a preset nor a file that exists",
     )
-    .hint(format!("presets: {names}; or the path of a file (.{endings})")))
+    .hint(format!("{meant}presets: {names}; or the path of a file (.{endings})")))
 }
 
 impl Found {

@@ -58,7 +58,9 @@ pub fn size(text: &str) -> Result<Size, String> {
     let (width, height) = text.split_once(['x', 'X']).unwrap_or((text, text));
     match (side(width), side(height)) {
         (Some(width), Some(height)) => Ok(Size { width, height }),
-        _ => Err(format!("expected WxH, each a whole number from 1 to {MAX_PICTURE_SIDE}")),
+        _ => Err(format!(
+            "expected WxH or one number for both, each a whole number from 1 to {MAX_PICTURE_SIDE}"
+        )),
     }
 }
 
@@ -124,7 +126,7 @@ pub fn light(text: &str) -> Result<LightSource, String> {
         Some(("dir", v)) => Light::Directional { toward: direction(v)? },
         Some(("point", v)) => Light::Point { position: point(v)? },
         None => {
-            let refuse = |why| format!("{why}: expected dir:x,y,z or point:x,y,z");
+            let refuse = |_| format!("`{place}` is no light: expected dir:x,y,z or point:x,y,z");
             Light::Directional { toward: direction(place).map_err(refuse)? }
         }
         _ => return Err("expected dir:x,y,z or point:x,y,z".into()),
@@ -190,7 +192,11 @@ pub fn view(text: &str) -> Result<AxisView, String> {
     let common = [("front", "A"), ("back", "P"), ("top", "S"), ("bottom", "I")];
     let text = common.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map_or(text, |(_, mark)| mark);
     let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
-    AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
+    AXIS_VIEWS
+        .iter()
+        .find(is)
+        .copied()
+        .ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I, front, back, top, bottom"))
 }
 
 /// Parses the number of voxels along the longest side of a strand grid.

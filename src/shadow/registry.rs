@@ -146,7 +146,7 @@ impl<'a> Written<'a> {
         if name.is_empty() || name.contains([',', '=']) {
             let error = refuse("expected NAME[:key=value,...]".into());
             return Err(if name.contains(',') {
-                error.hint("methods are separated by `;`, in quotes")
+                error.hint("in a list of methods, `;` separates them (in quotes)")
             } else {
                 error
             });

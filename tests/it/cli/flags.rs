@@ -177,8 +177,11 @@ fn a_misspelling_gets_a_hint() {
 fn hints_name_what_was_meant() {
     let dir = tempfile::tempdir().unwrap();
     for (line, hint) in [
-        (&["compare", "phantom:slab:8", "--methods", "dsm,osm", "-o", "d"][..], "separated by `;`"),
+        (&["compare", "phantom:slab:8", "--methods", "dsm,osm", "-o", "d"][..], "`;` separates them"),
         (&["compare", "phantom:slab:8", "-tf", "bone", "-o", "d"], "did you mean `--tf`?"),
+        (&["render", "phantom:slab:8", "-view", "A", "-o", "a.png"], "did you mean `--view`?"),
+        (&["render", "phantom:slab:8", "-size=8x8", "-o", "a.png"], "did you mean `--size`?"),
+        (&["render", "phantom:slab:8", "--tf", "Bone", "-o", "a.png"], "did you mean `bone`?"),
         (&["render", "phantom:slab:8", "-x", "-o", "a.png"], "see `umbravox render --help`"),
     ] {
         refused(dir.path(), line);
