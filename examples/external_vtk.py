@@ -2,7 +2,7 @@
 
 umbravox benchmark --cells "cloud-*-front-front" --external "vtk=python3 examples/external_vtk.py" -o ranks
 
-Needs vtk, nibabel, numpy and OpenEXR, and a display (on a server: `xvfb-run -a python3 ...`). VTK gives pictures only,
+Needs Python 3.11, vtk, nibabel, numpy and OpenEXR, and a display (on a server: `xvfb-run -a python3 ...`). VTK gives pictures only,
 so `image_rmse` and `frame_ms` apply; `frame_ms` includes the start of Python and two renderings. VTK_STEP_VOXELS sets
 the sample distance in units of the smallest voxel spacing, instead of `step` of the scene.
 

@@ -4,11 +4,12 @@
 # without folders, all but the benchmark, which takes hours: name it.
 # Scans are found in UMBRAVOX_DATA (../shared/data). Times are those of this machine: let nothing else run.
 set -euo pipefail
-cd "$(dirname "$0")/.."
-root=$PWD
 program=$(realpath "$1")
 shift
+cd "$(dirname "$0")/.."
+root=$PWD
 data=$(realpath "${UMBRAVOX_DATA:-../shared/data}")
+[[ -e $data/engine.nii.gz ]] || { echo "results.sh: no scans in $data: set UMBRAVOX_DATA (data/README.md)" >&2; exit 2; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # Commands run where scans and functions lie, so that the archives have no absolute paths.
@@ -16,6 +17,7 @@ ln -s "$data"/*.nii.gz "$root"/docs/results/functions/*.json "$root/examples"/{c
 mkdir "$work/bin" && ln -s "$program" "$work/bin/umbravox"
 export PATH=$work/bin:$PATH
 chosen=("$@")
+measured=0
 
 # Whether a folder was asked for: by its name, by that of a folder around it, or as one of all.
 is_chosen() {
@@ -30,6 +32,7 @@ archive() {
     local folder=$1 name file
     shift
     is_chosen "$folder" || return 0
+    measured=$((measured + 1))
     name=$(basename "$folder")
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
@@ -77,7 +80,8 @@ archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" 
 
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"
-archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods "dsm;osm" --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
+archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
 archive benchmark/front benchmark --data . --cells "*-front"
 
+[[ $measured -gt 0 ]] || { echo "results.sh: no folder ${chosen[*]}" >&2; exit 2; }
 UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages

@@ -76,7 +76,9 @@ fn cell(row: &Row, expression: &str) -> String {
             divisor.map_or_else(String::new, |divisor| significant(x / divisor, 3))
         }
         None if ["label", "setting", "method", "params"].contains(&column) => format!("`{text}`"),
-        None => text.replace("true", "yes").replace("false", "no"),
+        None if text == "true" => "yes".into(),
+        None if text == "false" => "no".into(),
+        None => text.into(),
     }
 }
 
@@ -87,7 +89,8 @@ fn table(folder: &Path, instruction: &str) -> String {
         columns.split(", ").map(|c| c.split_once(" as ").unwrap_or((c, c))).collect();
     let all: Vec<Row> = files.split(' ').flat_map(|file| rows(&folder.join(file))).collect();
     let chosen = selected(&all, labels);
-    let is_text = |column: &str| ["folder", "label", "setting", "method", "params"].contains(&column);
+    let is_text =
+        |column: &str| ["folder", "label", "setting", "method", "params", "cell", "budget"].contains(&column);
     let headings: Vec<(String, Align)> = columns
         .iter()
         .map(|(column, heading)| {
@@ -133,9 +136,9 @@ fn ranking(folder: &Path, file: &str) -> String {
         ranks.sort_by(|a, b| number(b, "share").total_cmp(&number(a, "share")));
         let [first, second, third] =
             [0, 1, 2].map(|i| (value(ranks[i], "method"), percent(ranks[i], "share")));
-        let mut text = format!(
-            "- Within {}, `{}` has the least error in {} % of {} scenes (95 % interval over volumes: {} to {} %), `{}` in {} %\n  \
-             and `{}` in {} %.",
+        let text = format!(
+            "- Within {}, `{}` has the least error in {} % of {} scenes (95 % interval over volumes: {} to {} %).\n  \
+             Next are `{}` ({} %) and `{}` ({} %).",
             budget.trim_start_matches("bytes=").replace("KiB", " KiB").replace("MiB", " MiB"),
             first.0,
             first.1,
@@ -150,11 +153,10 @@ fn ranking(folder: &Path, file: &str) -> String {
         ranks.sort_by(|a, b| number(a, "mean_rank").total_cmp(&number(b, "mean_rank")));
         let [first, second, third] =
             [0, 1, 2].map(|i| (value(ranks[i], "method"), number(ranks[i], "mean_rank")));
-        text += &format!(
-            " The least mean ranks are those of `{}` ({:.1}), `{}` ({:.1})\n  and `{}` ({:.1}).\n",
+        format!(
+            "{text} Mean ranks: `{}` {:.1}, `{}` {:.1}, `{}` {:.1}.\n",
             first.0, first.1, second.0, second.1, third.0, third.1
-        );
-        text
+        )
     };
     budgets.iter().map(item).collect()
 }
@@ -172,7 +174,9 @@ fn renewed(path: &Path, page: &str) -> String {
             ("ranking", file) => ranking(folder, file),
             (other, _) => panic!("{}: {other}", path.display()),
         };
-        let after = rest.find("\n\n").map_or("", |end| &rest[end + 1..]);
+        // A block that has not been made yet is empty.
+        let after =
+            if rest.starts_with('\n') { rest } else { rest.find("\n\n").map_or("", |end| &rest[end + 1..]) };
         text += &format!("<!-- {instruction} -->\n{made}{after}");
     }
     text
@@ -191,4 +195,26 @@ fn tables_of_the_pages_are_those_of_the_archived_results() {
         assert!(written == made, "{}: UMBRAVOX_REWRITE=1 writes its tables again", path.display());
     }
     assert!(count > 0, "no block found");
+}
+
+#[test]
+fn blocks_are_renewed_and_the_text_around_them_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.csv"), "method,params,map,bytes\ndsm,epsilon=0.02 near=0,64,2048\n")
+        .unwrap();
+    let table = "| method                   | KiB |\n| ------------------------ | --: |\n\
+                 | `dsm:epsilon=0.02,near=0` | 2.00 |\n";
+    let instruction = "<!-- table a.csv: label as method, bytes/1024 as KiB -->\n";
+    let page = folder.path().join("page.md");
+    let lines = |text: &str| text.replace('-', "").replace(' ', "");
+    for old in ["", table, "| an old table |\n"] {
+        let made = renewed(&page, &format!("before\n\n{instruction}{old}\nafter\n\nend\n"));
+        assert_eq!(lines(&made), lines(&format!("before\n\n{instruction}{table}\nafter\n\nend\n")));
+    }
+    assert_eq!(
+        lines(&renewed(&page, &format!("{instruction}{table}"))),
+        lines(&format!("{instruction}{table}"))
+    );
+    let pivot = "<!-- pivot a.csv: bytes | dsm:epsilon=0.02,near=0,map=64 -->\n";
+    assert!(renewed(&page, pivot).contains("`dsm:epsilon=0.02,near=0,map=64`"));
 }
