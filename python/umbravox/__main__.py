@@ -3,7 +3,7 @@
 import os
 import sys
 
-from ._umbravox import command
+from ._umbravox import command  # type: ignore
 
 
 def main() -> int:

@@ -49,7 +49,7 @@ def _require_three(axes: int) -> None:
 
 
 def _of_simple_itk(image: Any) -> tuple[Any, Any]:
-    import SimpleITK
+    import SimpleITK  # type: ignore
 
     _require_three(image.GetDimension())
     _require_scalars(image.GetNumberOfComponentsPerPixel())
@@ -58,7 +58,7 @@ def _of_simple_itk(image: Any) -> tuple[Any, Any]:
 
 
 def _of_itk(image: Any) -> tuple[Any, Any]:
-    import itk
+    import itk  # type: ignore
 
     _require_three(image.GetImageDimension())
     _require_scalars(image.GetNumberOfComponentsPerPixel())
@@ -73,7 +73,7 @@ def _of_itk(image: Any) -> tuple[Any, Any]:
 
 def _of_vtk(image: Any) -> tuple[Any, Any]:
     """VTK has no patient orientation: coordinates are taken as RAS+, as in its files."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.util.numpy_support import vtk_to_numpy  # type: ignore
 
     scalars = image.GetPointData().GetScalars()
     if scalars is None:
