@@ -206,7 +206,7 @@ fn blocks_are_renewed_and_the_text_around_them_stays() {
                  | `dsm:epsilon=0.02,near=0` | 2.00 |\n";
     let instruction = "<!-- table a.csv: label as method, bytes/1024 as KiB -->\n";
     let page = folder.path().join("page.md");
-    let lines = |text: &str| text.replace('-', "").replace(' ', "");
+    let lines = |text: &str| text.replace(['-', ' '], "");
     for old in ["", table, "| an old table |\n"] {
         let made = renewed(&page, &format!("before\n\n{instruction}{old}\nafter\n\nend\n"));
         assert_eq!(lines(&made), lines(&format!("before\n\n{instruction}{table}\nafter\n\nend\n")));
