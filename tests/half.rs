@@ -42,9 +42,10 @@ fn nothing_but_its_folders_and_its_lines_knows_it() {
 
 #[test]
 fn it_is_in_the_help_and_the_default_comparison() {
-    let help = umbravox(&["compare", "--help"]);
+    assert!(umbravox(&["render", "--help"]).contains("\n            half "));
+    let settings = umbravox(&["methods", "half"]);
     for word in ["half", "share=0..1", "[default: 0.5]"] {
-        assert!(help.contains(word), "{word}: {help}");
+        assert!(settings.contains(word), "{word}: {settings}");
     }
     assert!(COMPARED.contains("half:share=0.25,0.5") && METHODS.iter().any(|m| m.name == "half"));
     let params: Vec<_> = parse_list("half:share=0.25,0.5").unwrap().iter().map(|m| m.params()).collect();
