@@ -21,9 +21,12 @@ pub struct CompletionsArgs {
 /// Runs the `completions` command for the definition of the command line.
 ///
 /// # Errors
-/// A file or stdout cannot be written.
+/// The folder does not exist, or a file or stdout cannot be written.
 pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<()> {
     if let Some(folder) = &args.man {
+        if !folder.is_dir() {
+            return Err(Error::input("cannot write man pages", folder.display(), "it is not a folder"));
+        }
         let failed = |e| Error::runtime("cannot write man pages", folder.display(), e);
         return clap_mangen::generate_to(command, folder).map_err(failed);
     }

@@ -23,13 +23,13 @@ pub fn run(args: &MethodsArgs) -> Result<()> {
     let Some(name) = &args.name else { return print_result(&list()) };
     let unknown = || {
         let names = METHODS.iter().map(|method| method.name).join(", ");
-        Error::input("unknown shadow method", name, format!("there is: {names}"))
+        Error::input("unknown shadow method", name, format!("there are {names}"))
     };
     print_result(&settings(entry(name).ok_or_else(unknown)?))
 }
 
 /// Names and summaries of all shadow methods, a line each.
-pub fn list() -> String {
+fn list() -> String {
     METHODS.iter().map(|method| format!("{:<12} {}\n", method.name, method.summary)).collect()
 }
 

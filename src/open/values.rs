@@ -115,8 +115,8 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// Parses a light: `dir:x,y,z` (or `x,y,z` alone) or `point:x,y,z`, then optionally `,color=#rrggbb` (sRGB) and `,intensity=F`, each at
-/// most once.
+/// Parses a light: `dir:x,y,z` (or `x,y,z` alone) or `point:x,y,z`, then optionally `,color=` with `#rrggbb` (sRGB) or a
+/// name, and `,intensity=F`, each at most once.
 pub fn light(text: &str) -> Result<LightSource, String> {
     let (place, [color, intensity]) = with_keys(text, ["color", "intensity"])?;
     if let Some((item, _)) = place.split_once('=') {

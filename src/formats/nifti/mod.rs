@@ -89,7 +89,7 @@ fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
         .ok_or_else(|| {
             let name = path.to_string_lossy().to_ascii_lowercase();
             let is_named = [".nii", ".nii.gz", ".hdr", ".img"].iter().any(|ending| name.ends_with(ending));
-            refuse(if is_named { "it is not a NIfTI file" } else { "its format is none that is read" }.into())
+            refuse(if is_named { "it is not a NIfTI file" } else { "its format is not supported" }.into())
         })?;
     let length = HEADER_BYTES[usize::from(version) - 1];
     let got = 4 + read_full(source, &mut rest[..length - 4]).map_err(|e| refuse(e.to_string()))?;

@@ -203,7 +203,7 @@ fn methods_are_listed_with_their_settings() {
             "{own}"
         );
     }
-    assert!(refused(dir.path(), &["methods", "esm"]).contains("dsm, osm"));
+    assert!(refused(dir.path(), &["methods", "esm"]).contains("there are none, rays, dsm, osm"));
 }
 
 #[test]
@@ -217,6 +217,7 @@ fn completions_and_man_pages_are_made() {
     let page = std::fs::read_to_string(dir.path().join("umbravox-render.1")).unwrap();
     assert!(page.contains(".TH") && page.contains("opacity\\-scale"), "{page}");
     assert!(refused(dir.path(), &["completions"]).contains("required"));
+    assert!(refused(dir.path(), &["completions", "--man", "nowhere"]).contains("not a folder"));
 }
 
 #[test]
