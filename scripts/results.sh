@@ -64,7 +64,7 @@ scene head CT_pitch.nii.gz --tf ct
 scene thorax phantom:thorax:128 --tf ct
 scene hair phantom:hair-curly --tf hair
 
-optimal="dsm:epsilon=0.005,0.02,0.06,compress=greedy,optimal"
+optimal="dsm:epsilon=0.005,0.02,0.06;dsm:epsilon=0.005,0.02,0.06,segments=transmittance;dsm:epsilon=0.005,0.02,0.06,compress=optimal"
 archive optimal-nodes/engine compare engine.nii.gz --tf engine.json --methods "$optimal" --rays 500
 archive optimal-nodes/vessels compare CT_AVM.nii.gz --tf vessels --methods "$optimal" --rays 500
 
