@@ -136,6 +136,9 @@ impl Info {
         line("scaling", format!("stored x {} + {}", number(slope), number(intercept)));
         line("non-finite", format!("{} voxels", self.provenance.non_finite));
         line("frame", format!("{} of {} (counted from 0)", self.provenance.frame, self.provenance.frames));
+        for (i, segment) in self.provenance.segments.iter().enumerate() {
+            line(if i == 0 { "segments" } else { "" }, format!("{} {}", segment.label, segment.name));
+        }
         line("bricks", format!("{} ({})", times(self.brick_counts.map(|n| n.to_string())), self.bricks));
         line("memory", ByteSize::b(self.memory_bytes).display().iec().to_string());
         for warning in &self.provenance.warnings {

@@ -102,6 +102,7 @@ fn description(fields: &Fields) -> Result<Description, String> {
         frames,
         scaling,
         affine,
+        segments: Vec::new(),
         warnings,
     })
 }

@@ -11,8 +11,9 @@ use super::source::Block;
 use super::text_header::{Description, Fields, Lines, TextFormat, grid, unreadable};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Volume};
+use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Segment, Volume};
 use glam::{DAffine3, DVec3};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// File extensions of the NRRD format.
@@ -57,9 +58,14 @@ fn fields(lines: &mut Lines<'_, '_>) -> Result<Fields, String> {
         // A list of files is the last field and continues to the end of the header.
         if fields.get(DATA_FILE).is_some_and(is_list) {
             fields.list.push(line);
-        } else if let Some((name, value)) = line.split_once(": ").filter(|_| !line.starts_with('#')) {
-            // Key and value pairs (`:=`) do not describe the grid.
-            fields.push(name, value);
+        } else if !line.starts_with('#') {
+            match (line.split_once(": "), line.split_once(":=")) {
+                (field, Some((key, value))) if field.is_none_or(|(name, _)| key.len() < name.len()) => {
+                    fields.push(&format!("{key}:="), value);
+                }
+                (Some((name, value)), _) => fields.push(name, value),
+                (None, _) => {}
+            }
         }
     }
     Ok(fields)
@@ -79,7 +85,33 @@ fn description(fields: &Fields) -> Result<Description, String> {
         Some(other) => return Err(unreadable("endian", other)),
     };
     let block = Block { dims, element, byte_order, offset: 0, frame: 0 };
-    Ok(Description { block, frames, scaling: Scaling::IDENTITY, affine, warnings })
+    Ok(Description {
+        block,
+        frames,
+        scaling: Scaling::IDENTITY,
+        affine,
+        segments: segments(fields),
+        warnings,
+    })
+}
+
+/// Returns the named segments of a segmentation by 3D Slicer (`Segment0_Name:=liver`, `Segment0_LabelValue:=1`), in the
+/// order of their numbers. Segments without name or label value are left out.
+fn segments(fields: &Fields) -> Vec<Segment> {
+    let mut numbered: BTreeMap<u32, [Option<&str>; 3]> = BTreeMap::new();
+    for (key, value) in fields.with_prefix("segment") {
+        let Some((number, key)) = key.split_once('_') else { continue };
+        let keys = ["labelvalue:=", "name:=", "color:="];
+        if let (Ok(number), Some(at)) = (number.parse(), keys.iter().position(|known| *known == key)) {
+            numbered.entry(number).or_default()[at] = Some(value);
+        }
+    }
+    let segment = |[label, name, color]: [Option<&str>; 3]| {
+        let color = color.and_then(numbers).and_then(|all| <[f64; 3]>::try_from(all).ok());
+        let color = color.map(|color| color.map(|c| c.clamp(0.0, 1.0) as f32));
+        Some(Segment { label: label?.parse().ok()?, name: name?.to_owned(), color })
+    };
+    numbered.into_values().filter_map(segment).collect()
 }
 
 /// Spatial and frame axes of an NRRD array, without the leading axes that hold the components of a voxel.

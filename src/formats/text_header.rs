@@ -6,7 +6,7 @@ use super::data_files::DataFiles;
 use super::source::{Block, Source};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::{AffineSource, Provenance, Scaling, Volume};
+use crate::volume::{AffineSource, Provenance, Scaling, Segment, Volume};
 use glam::DAffine3;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,7 @@ pub(super) struct Description {
     pub(super) frames: usize,
     pub(super) scaling: Scaling,
     pub(super) affine: (DAffine3, AffineSource),
+    pub(super) segments: Vec<Segment>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -43,7 +44,7 @@ impl TextFormat {
         let is_gzipped = source.is_compressed();
         let (fields, header_bytes) = self.header(&mut source).map_err(&refuse)?;
         drop(source);
-        let Description { block, frames, scaling, affine, mut warnings } =
+        let Description { block, frames, scaling, affine, segments, mut warnings } =
             (self.description)(&fields).map_err(&refuse)?;
         warnings.splice(0..0, frame_warning(path, frame, frames)?);
         let data = (self.data)(&fields, path, header_bytes, is_gzipped).map_err(&refuse)?;
@@ -54,6 +55,7 @@ impl TextFormat {
             affine_source,
             frames,
             frame,
+            segments,
             warnings,
             ..Provenance::new(path.display().to_string(), self.name, block.stored_type())
         };
@@ -124,6 +126,12 @@ impl Fields {
     /// Returns the value of the first field of a text header whose name is among `names`.
     pub(super) fn get(&self, names: &[&str]) -> Option<&str> {
         self.all.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
+    }
+
+    /// Returns the fields of a text header whose lower-case names begin with `prefix`: the rest of each name, and the
+    /// value.
+    pub(super) fn with_prefix(&self, prefix: &str) -> impl Iterator<Item = (&str, &str)> {
+        self.all.iter().filter_map(move |(name, value)| Some((name.strip_prefix(prefix)?, value.as_str())))
     }
 
     /// Returns the value of a required header field.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::transfer::formats::with_quantity_of;
 use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, MOST_CLIP_PLANES, Quantity, TransferFunction};
-use crate::volume::{Labels, Volume};
+use crate::volume::{Labels, Segment, Volume};
 use clap::Args;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
@@ -35,7 +35,8 @@ pub struct MaskFlags {
     /// voxel, 0 outside [default: none]
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
     pub labels: Option<String>,
-    /// Segmentation labels to hide (zero extinction), such as 1,4-6 [default: none]
+    /// Segmentation labels to hide (zero extinction): numbers, or names of segments, such as 1,4-6,liver [default:
+    /// none]
     #[arg(long, value_name = "LABELS", help_heading = "Volume")]
     pub hide: Option<LabelList>,
     /// Transfer function of some segmentation labels, LABELS=FILE|PRESET; may be given several times: the last for a
@@ -46,20 +47,26 @@ pub struct MaskFlags {
 }
 }
 
-/// List of segmentation labels, written as `1,4-6`.
+/// List of segmentation labels, written as `1,4-6,liver`: numbers, ranges, and names of segments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelList {
     labels: Vec<u32>,
+    names: Vec<String>,
 }
 
 impl FromStr for LabelList {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let refuse = || format!("`{text}` is not a list of labels such as 1,4-6");
+        let refuse = || format!("`{text}` is not a list of labels such as 1,4-6,liver");
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| refuse());
         let mut labels = BTreeSet::new();
-        for part in text.split(',') {
+        let mut names = Vec::new();
+        for part in text.split(',').map(str::trim) {
+            if part.contains(char::is_alphabetic) {
+                names.push(part.to_owned());
+                continue;
+            }
             let (first, last) = match part.split_once('-') {
                 Some((first, last)) => (number(first)?, number(last)?),
                 None => (number(part)?, number(part)?),
@@ -72,14 +79,14 @@ impl FromStr for LabelList {
             }
             labels.extend(first..=last);
         }
-        Ok(Self { labels: labels.into_iter().collect() })
+        Ok(Self { labels: labels.into_iter().collect(), names })
     }
 }
 
 impl FromIterator<u32> for LabelList {
     fn from_iter<I: IntoIterator<Item = u32>>(labels: I) -> Self {
         let labels: BTreeSet<u32> = labels.into_iter().collect();
-        Self { labels: labels.into_iter().collect() }
+        Self { labels: labels.into_iter().collect(), names: Vec::new() }
     }
 }
 
@@ -90,13 +97,46 @@ impl fmt::Display for LabelList {
             [first, .., last] => format!("{first}-{last}"),
             [] => String::new(),
         });
-        f.write_str(&runs.collect::<Vec<_>>().join(","))
+        f.write_str(&runs.chain(self.names.iter().cloned()).collect::<Vec<_>>().join(","))
     }
 }
 
 impl Serialize for LabelList {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl LabelList {
+    /// Returns the list with the labels of all segments of its names. Upper and lower case do not matter.
+    ///
+    /// # Errors
+    /// No segment has one of the names.
+    fn numbered(&self, labels: Option<&Labels>) -> Result<Self> {
+        let segments = labels.map_or(&[][..], |labels| &labels.segments);
+        let mut numbers = self.labels.clone();
+        for name in &self.names {
+            // Several segments may have one name.
+            let named = segments.iter().filter(|segment| segment.name.to_lowercase() == name.to_lowercase());
+            let before = numbers.len();
+            numbers.extend(named.map(|segment| segment.label));
+            if numbers.len() == before {
+                return Err(no_segment(name, segments));
+            }
+        }
+        Ok(numbers.into_iter().collect())
+    }
+}
+
+/// Error for the name of a segment that does not exist.
+fn no_segment(name: &str, segments: &[Segment]) -> Error {
+    let error = Error::input("cannot use labels", name, "no segment has this name");
+    match segments {
+        [] => error.hint("the segmentation has no names of segments: use the numbers of its labels"),
+        _ => {
+            let names: Vec<_> = segments.iter().map(|segment| &segment.name).collect();
+            error.hint(format!("the segments are {}", shown(&names)))
+        }
     }
 }
 
@@ -189,9 +229,12 @@ impl MaskFlags {
             let text = format!("{file} labels no voxel of the volume: do both lie at the same place?");
             diagnostics.push(Diagnostic::warning(text));
         }
-        let named = self.hide.iter().chain(self.label_tf.iter().flatten().map(|f| &f.labels));
-        let missing = named.flat_map(|list| &list.labels).filter(|label| !labels.ids().contains(label));
-        let missing = LabelList::from_iter(missing.copied()).labels;
+        let mut missing = BTreeSet::new();
+        for list in self.hide.iter().chain(self.label_tf.iter().flatten().map(|f| &f.labels)) {
+            let numbers = list.numbered(Some(&labels))?.labels;
+            missing.extend(numbers.into_iter().filter(|label| !labels.ids().contains(label)));
+        }
+        let missing: Vec<u32> = missing.into_iter().collect();
         if !missing.is_empty() {
             let (missing, present) = (shown(&missing), shown(labels.ids()));
             diagnostics
@@ -205,7 +248,7 @@ impl MaskFlags {
     /// extinction) of `tf`.
     ///
     /// # Errors
-    /// A transfer function cannot be adapted to the volume.
+    /// A transfer function cannot be adapted to the volume, or no segment has a given name.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
@@ -230,13 +273,13 @@ impl MaskFlags {
                 let text = format!("there its amounts differ by up to {:.1} %", 100.0 * off);
                 diagnostics.push(Diagnostic::warning(text));
             }
-            rules.push(LabelRule { labels: list.labels, visibility: LabelVisibility::Visible(Box::new(tf)) });
+            let labels = list.numbered(volume.labels().map(Arc::as_ref))?.labels;
+            rules.push(LabelRule { labels, visibility: LabelVisibility::Visible(Box::new(tf)) });
         }
-        let hidden = self
-            .hide
-            .iter()
-            .map(|list| LabelRule { labels: list.labels.clone(), visibility: LabelVisibility::Hidden });
-        rules.extend(hidden);
+        if let Some(list) = &self.hide {
+            let labels = list.numbered(volume.labels().map(Arc::as_ref))?.labels;
+            rules.push(LabelRule { labels, visibility: LabelVisibility::Hidden });
+        }
         Ok(rules)
     }
 
@@ -254,9 +297,9 @@ fn kind_of(tf: &TransferFunction) -> String {
     }
 }
 
-/// Formats the first few segmentation labels of a list, and the number of the others, as text for a message.
-fn shown(labels: &[u32]) -> String {
-    let first: Vec<String> = labels.iter().take(MOST_SHOWN).map(u32::to_string).collect();
+/// Formats the first few labels or names of a list, and the number of the others, as text for a message.
+fn shown(labels: &[impl ToString]) -> String {
+    let first: Vec<String> = labels.iter().take(MOST_SHOWN).map(ToString::to_string).collect();
     let more = labels.len().saturating_sub(MOST_SHOWN);
     first.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
 }
@@ -267,21 +310,37 @@ mod tests {
 
     #[test]
     fn lists_of_labels() {
-        for (text, same) in
-            [("3", "3"), ("4-6,1", "1,4-6"), ("2, 1,3,9", "1-3,9"), ("0", "0"), ("5-5,5", "5")]
-        {
+        for (text, same) in [
+            ("3", "3"),
+            ("4-6,1", "1,4-6"),
+            ("2, 1,3,9", "1-3,9"),
+            ("3rd ventricle, 7", "7,3rd ventricle"),
+            ("5-5,5", "5"),
+        ] {
             let list: LabelList = text.parse().unwrap();
             assert_eq!(list.to_string(), same);
             assert_eq!(same.parse::<LabelList>().unwrap(), list);
         }
-        for bad in ["", "a", "1,", "3-1", "-1", "1.5", "0-4294967295", "1--2"] {
+        for bad in ["", "1,", "3-1", "-1", "1.5", "0-4294967295", "1--2"] {
             assert!(bad.parse::<LabelList>().is_err(), "{bad}");
         }
         let function: LabelFunction = "1,2=dir/a=b.json".parse().unwrap();
         assert_eq!((function.labels.labels, function.tf), (vec![1, 2], "dir/a=b.json".to_owned()));
-        for bad in ["bone", "1=", "=bone", "x=bone"] {
+        for bad in ["bone", "1=", "=bone", "-1=bone"] {
             assert!(bad.parse::<LabelFunction>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn names_of_segments_are_labels_in_any_case() {
+        let volume = crate::phantom::Phantom::Slab.build(4).unwrap();
+        let mut labels = Labels::sampled(&volume, &volume).unwrap();
+        labels.segments = vec![Segment { label: 7, name: "Left lung".into(), color: None }];
+        let list: LabelList = "2,left LUNG".parse().unwrap();
+        assert_eq!(list.numbered(Some(&labels)).unwrap().labels, [2, 7]);
+        let error = "liver".parse::<LabelList>().unwrap().numbered(Some(&labels)).unwrap_err();
+        assert!(error.exit_status() == 2 && error.hint.unwrap().contains("Left lung"));
+        assert!(list.numbered(None).unwrap_err().hint.unwrap().contains("numbers"));
     }
 
     #[test]

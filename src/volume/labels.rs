@@ -9,6 +9,17 @@ pub const MAX_LABELS: usize = 256;
 /// Number of voxels that one parallel task processes when labels are collected.
 const CHUNK: usize = 1 << 16;
 
+/// Segment of a segmentation file: a label with a name and a colour.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Segment {
+    /// Label of the segment's voxels.
+    pub label: u32,
+    /// Name of the segment, such as `liver`.
+    pub name: String,
+    /// Colour of the segment, sRGB from 0 to 1; `None` if the file has none.
+    pub color: Option<[f32; 3]>,
+}
+
 /// Segmentation label of every voxel of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labels {
@@ -17,6 +28,8 @@ pub struct Labels {
     /// Segmentation label of each voxel as an index into `ids`, x fastest.
     ranks: Vec<u8>,
     counts: Vec<usize>,
+    /// Named segments of the segmentation file; empty if it has no names.
+    pub segments: Vec<Segment>,
     /// Whether the segmentation was resampled, because its grid differs from that of the volume.
     pub resampled: bool,
 }
@@ -59,7 +72,7 @@ impl Labels {
         ranks.par_extend((0..voxels).into_par_iter().with_min_len(CHUNK).map(rank));
         let mut counts = vec![0; ids.len()];
         ranks.iter().for_each(|rank| counts[usize::from(*rank)] += 1);
-        Ok(Self { ids, ranks, counts, resampled })
+        Ok(Self { ids, ranks, counts, segments: Vec::new(), resampled })
     }
 
     /// Returns the segmentation labels that occur in the volume, ascending.
@@ -70,6 +83,11 @@ impl Labels {
     /// Returns the segmentation label of each voxel as an index into [`Self::ids`], x fastest.
     pub fn ranks(&self) -> &[u8] {
         &self.ranks
+    }
+
+    /// Returns the named segment of a segmentation label.
+    pub fn segment(&self, label: u32) -> Option<&Segment> {
+        self.segments.iter().find(|segment| segment.label == label)
     }
 
     /// Returns the number of voxels of each segmentation label of [`Self::ids`].

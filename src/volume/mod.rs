@@ -20,7 +20,7 @@ pub use directions::DirectionMoments;
 pub use downsample::Downsample;
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
-pub use labels::{Labels, MAX_LABELS};
+pub use labels::{Labels, MAX_LABELS, Segment};
 pub use voxels::{Scaling, Voxel, Voxels};
 
 use crate::error::{Error, Result};
@@ -78,6 +78,9 @@ pub struct Provenance {
     pub values: ValueMeaning,
     /// Number of voxels that were NaN or infinite and were set to the smallest finite value.
     pub non_finite: usize,
+    /// Segments of a segmentation file, with their names.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub segments: Vec<Segment>,
     /// Warnings from reading the volume, one line each.
     pub warnings: Vec<String>,
 }
@@ -94,6 +97,7 @@ impl Provenance {
             frame: 0,
             values: ValueMeaning::Unknown,
             non_finite: 0,
+            segments: Vec::new(),
             warnings: Vec::new(),
         }
     }

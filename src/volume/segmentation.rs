@@ -40,7 +40,10 @@ impl Labels {
                 Self::new(voxels, |at| label(scaling.apply(stored[at].to_f64())), resampled)
             })
         };
-        labels.map_err(|why| Error::input("cannot use labels", &segmentation.provenance.source, why))
+        let mut labels =
+            labels.map_err(|why| Error::input("cannot use labels", &segmentation.provenance.source, why))?;
+        labels.segments.clone_from(&segmentation.provenance.segments);
+        Ok(labels)
     }
 }
 

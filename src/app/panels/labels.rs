@@ -29,15 +29,26 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
             for (id, count) in labels.ids().iter().zip(labels.counts()) {
                 let mut shown = !hidden.contains(id);
-                let name = if *id == 0 { "0, no label".to_owned() } else { id.to_string() };
+                let name = match labels.segment(*id) {
+                    Some(segment) => format!("{id}, {}", segment.name),
+                    None if *id == 0 => "0, no label".to_owned(),
+                    None => id.to_string(),
+                };
                 let function = match document.tf.class_of(*id) {
                     LabelClass::Function(i) if i > 0 => format!(" ({})", document.tf.function(i).name),
                     _ => String::new(),
                 };
-                let check = ui.checkbox(&mut shown, format!("{name}{function}"));
-                if check.accessible_name(format!("label {id}")).changed() {
-                    if shown { hidden.retain(|other| other != id) } else { hidden.push(*id) }
-                }
+                ui.horizontal(|ui| {
+                    if let Some(color) = labels.segment(*id).and_then(|segment| segment.color) {
+                        let [red, green, blue] = color.map(|c| (255.0 * c).round() as u8);
+                        ui.colored_label(egui::Color32::from_rgb(red, green, blue), "■");
+                    }
+                    let check = ui.checkbox(&mut shown, format!("{name}{function}"));
+                    let accessible = labels.segment(*id).map_or_else(|| id.to_string(), |_| name);
+                    if check.accessible_name(format!("label {accessible}")).changed() {
+                        if shown { hidden.retain(|other| other != id) } else { hidden.push(*id) }
+                    }
+                });
                 ui.weak(format!("{count} voxels"));
                 ui.end_row();
             }

@@ -61,6 +61,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         frame,
         values: header.value_meaning(),
         non_finite: 0,
+        segments: Vec::new(),
         warnings,
     };
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)

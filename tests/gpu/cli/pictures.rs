@@ -140,7 +140,8 @@ fn bad_clip_planes_and_labels_are_refused_in_a_line() {
         (&["--label-tf=1=bone"], "--label-tf needs --labels FILE"),
         (&["--labels=none.nii"], "none.nii"),
         (&["--labels=halves.nii.gz", "--label-tf=1=bonny"], "neither a preset nor a file"),
-        (&["--labels=halves.nii.gz", "--hide=one"], "not a list of labels"),
+        (&["--labels=halves.nii.gz", "--hide=4-"], "not a list of labels"),
+        (&["--labels=halves.nii.gz", "--hide=one"], "no segment has this name"),
         (&["--labels=phantom:thorax:24"], "is no label"),
         (&["--clip=0,0,0,1"], "normal of length 0"),
         (&["--clip=1,2,3"], "four numbers"),
@@ -175,6 +176,20 @@ fn parts_are_hidden_by_planes_and_labels_alike() {
         |a: &Array3<f32>, b: &Array3<f32>| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
     assert!(off(&whole, &clipped) > 0.1);
     assert!(off(&clipped, &hidden) < 5e-3, "{}", off(&clipped, &hidden));
+    // Names of segments, as 3D Slicer writes them.
+    write_halves(&dir.path().join("halves.nrrd"));
+    let file = std::fs::read(dir.path().join("halves.nrrd")).unwrap();
+    let end = file.windows(2).position(|two| two == b"\n\n").unwrap();
+    let names = "\nSegment0_Color:=0.8 0.68 0.57\nSegment0_ID:=Segment_1\nSegment0_LabelValue:=1\nSegment0_Layer:=0\n\
+                 Segment0_Name:=Lower half\nSegment1_LabelValue:=5\nSegment1_Name:=upper";
+    let named = [&file[..end], names.as_bytes(), &file[end..]].concat();
+    std::fs::write(dir.path().join("halves.seg.nrrd"), named).unwrap();
+    let by_name = picture(&["--labels=halves.seg.nrrd", "--hide=lower HALF"], "by_name.npy");
+    assert_eq!(by_name, hidden);
+    let info = umbravox(dir.path(), &["info", "halves.seg.nrrd"]).stdout;
+    assert!(String::from_utf8(info).unwrap().contains("segments     1 Lower half\n             5 upper\n"));
+    let flags = ["render", "phantom:sphere:24", "--labels=halves.seg.nrrd", "--hide=liver", "-o", "a.png"];
+    assert!(refused(dir.path(), &flags).contains("(liver): no segment has this name"));
     // If all labels have another function, the picture is that function's; a scene file gives the same.
     std::fs::write(
         dir.path().join("parts.toml"),
