@@ -59,6 +59,7 @@ pub mod gpu;
 pub mod measure;
 pub mod mesh;
 pub mod open;
+pub mod page;
 pub mod phantom;
 mod random;
 pub mod render;

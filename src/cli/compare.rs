@@ -1,7 +1,8 @@
 //! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
-use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
+use super::console::{load_scene, print_message, print_result, progress_bar};
 use super::interrupt::Interrupt;
+use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
@@ -10,7 +11,7 @@ use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Checked, Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
-use crate::measure::progress::{Progress, Status, Watch};
+use crate::measure::progress::Progress;
 use crate::measure::table::Row;
 use crate::open::provenance::{RecordedScene, function_text};
 use crate::open::{Layer, Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
@@ -22,7 +23,6 @@ use crate::report::tables::{Layout, summary};
 use crate::report::writers::table_json;
 use crate::shadow::{COMPARED, parse_distinct};
 use clap::Args;
-use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -206,28 +206,11 @@ fn measure_rows(
     };
     let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
     let interrupt = Interrupt::between_steps("finished rows are kept");
-    let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
+    let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);
     drop(progress);
     bar.finish_and_clear();
     made
-}
-
-/// Progress bar of a comparison of shadow methods. After an interrupt (Ctrl-C), the comparison ends with the current
-/// measurement.
-struct Bar<'a> {
-    bar: &'a ProgressBar,
-    interrupt: &'a Interrupt,
-}
-
-impl Watch for Bar<'_> {
-    fn starts(&mut self, status: &Status) {
-        show_step(self.bar, status);
-    }
-
-    fn goes_on(&self) -> bool {
-        !self.interrupt.is_requested()
-    }
 }
 
 /// Error that ends an interrupted comparison of shadow methods: states how many table rows are finished and how to

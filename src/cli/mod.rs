@@ -7,9 +7,11 @@ pub mod completions;
 mod console;
 pub mod convert;
 mod error;
+pub mod export;
 pub mod frames;
 pub mod info;
 mod interrupt;
+mod measuring_bar;
 pub mod merge;
 pub mod methods;
 pub mod phantom;
@@ -49,6 +51,7 @@ enum Command {
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(Box<compare::CompareArgs>),
+    Export(Box<export::ExportArgs>),
     Convert(convert::ConvertArgs),
     Merge(merge::MergeArgs),
     Benchmark(benchmark::BenchmarkArgs),
@@ -105,6 +108,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(*args),
+        Command::Export(args) => export::run(*args),
         Command::Convert(args) => convert::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Benchmark(args) => benchmark::run(&args),

@@ -78,12 +78,46 @@ impl<'a> Slot<'a> {
     }
 }
 
+/// Handle of a shader resource in a bind group. Handles of one resource compare equal.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Resource {
+    /// Bytes of a buffer, from an offset on.
+    Buffer {
+        /// Buffer on the device.
+        buffer: wgpu::Buffer,
+        /// First byte of the buffer that shaders access.
+        offset: u64,
+        /// Number of bytes that shaders access.
+        size: u64,
+    },
+    /// Whole texture.
+    Texture(wgpu::Texture),
+    /// Texture sampler of [`clamp_sampler`](super::clamp_sampler).
+    Sampler,
+}
+
+impl Resource {
+    /// Returns the handle of a bound resource. Texture arrays and other resources that no [`Slot`] creates are samplers
+    /// here.
+    fn of(bound: &wgpu::BindingResource<'_>) -> Self {
+        match bound {
+            wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size }) => {
+                let size = size.map_or(buffer.size() - offset, u64::from);
+                Self::Buffer { buffer: (*buffer).clone(), offset: *offset, size }
+            }
+            wgpu::BindingResource::TextureView(view) => Self::Texture(view.texture().clone()),
+            _ => Self::Sampler,
+        }
+    }
+}
+
 /// Bind group of shader resources, together with its layout.
 #[derive(Debug, Clone)]
 pub struct Group {
     pub(super) layout: wgpu::BindGroupLayout,
     pub(super) group: wgpu::BindGroup,
     pub(super) kinds: Vec<wgpu::BindGroupLayoutEntry>,
+    resources: Vec<Resource>,
 }
 
 impl Group {
@@ -103,6 +137,12 @@ impl Group {
         let layout = gpu.device.create_bind_group_layout(&descriptor);
         let descriptor = wgpu::BindGroupDescriptor { label, layout: &layout, entries: &entries };
         let group = gpu.device.create_bind_group(&descriptor);
-        Self { layout, group, kinds }
+        let resources = entries.iter().map(|entry| Resource::of(&entry.resource)).collect();
+        Self { layout, group, kinds, resources }
+    }
+
+    /// Returns the resources of the bind group, each with its entry in the layout.
+    pub fn entries(&self) -> impl ExactSizeIterator<Item = (&wgpu::BindGroupLayoutEntry, &Resource)> {
+        self.kinds.iter().zip(&self.resources)
     }
 }

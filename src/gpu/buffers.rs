@@ -17,7 +17,7 @@ pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer
     gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some(label),
         contents: bytemuck::bytes_of(value),
-        usage: BufferUsages::UNIFORM | BufferUsages::STORAGE | BufferUsages::COPY_DST,
+        usage: BufferUsages::UNIFORM | STORAGE,
     })
 }
 
@@ -62,9 +62,21 @@ impl StorageBuffer {
 /// The device is lost.
 pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
     let bytes = (count * size_of::<T>()) as u64;
-    let staging = staging_buffer(gpu, bytes);
+    let copy = |encoder: &mut wgpu::CommandEncoder, staging: &wgpu::Buffer| {
+        encoder.copy_buffer_to_buffer(buffer, 0, staging, 0, bytes);
+    };
+    copied(gpu, count, copy)
+}
+
+/// Copies `count` elements into a staging buffer with `copy`, waits until the device is done, and returns them.
+pub(super) fn copied<T: Pod>(
+    gpu: &Gpu,
+    count: usize,
+    copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
+) -> Result<Vec<T>> {
+    let staging = staging_buffer(gpu, (count * size_of::<T>()) as u64);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+    copy(&mut encoder, &staging);
     map_staging(gpu, [&staging].into_iter(), gpu.submit([encoder.finish()]))?;
     let mut all = read_mapped(gpu, &staging)?;
     all.truncate(count);

@@ -2,7 +2,7 @@
 
 use super::{
     Gpu, Group, PassTimer, PipelineStore, Read, RecordedPass, ShaderVariant, Slot, Span, Tuning, Words, Work,
-    compose, read_back,
+    compose, read_back, write_wgsl,
 };
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -90,13 +90,7 @@ impl Kernels {
     /// # Errors
     /// The shader does not compile: a fault of this program or of the driver.
     pub fn pipeline(&self, variant: &ShaderVariant, groups: &[&Group]) -> Result<Arc<wgpu::ComputePipeline>> {
-        let mut variant = variant.clone();
-        if !self.gpu.filters_float32 {
-            variant.defs.push("MANUAL_TRILINEAR");
-        }
-        if self.counting.load(Ordering::Relaxed) {
-            variant.defs.push("COUNT_WORK");
-        }
+        let variant = self.adapted(variant);
         let label = Some(variant.entry);
         let key = (variant, groups.iter().map(|g| g.kinds.clone()).collect());
         let poisoned =
@@ -123,6 +117,29 @@ impl Kernels {
         self.gpu.take_error()?;
         self.pipelines.lock().map_err(|_| poisoned())?.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    /// Returns a shader variant with the definitions that suit this device.
+    fn adapted(&self, variant: &ShaderVariant) -> ShaderVariant {
+        let manual = (!self.gpu.filters_float32).then_some("MANUAL_TRILINEAR");
+        let counting = self.counting.load(Ordering::Relaxed).then_some("COUNT_WORK");
+        variant.clone().defs(manual).defs(counting)
+    }
+
+    /// Returns a shader as this device runs it, as one WGSL module without imports.
+    ///
+    /// # Errors
+    /// The shader does not compile, which is a fault of this program.
+    pub fn wgsl(&self, variant: &ShaderVariant) -> Result<String> {
+        write_wgsl(variant.entry, &self.composed(variant)?)
+    }
+
+    /// Composes a shader as this device runs it.
+    ///
+    /// # Errors
+    /// The shader cannot be composed, which is a fault of this program.
+    pub fn composed(&self, variant: &ShaderVariant) -> Result<wgpu::naga::Module> {
+        compose(&self.adapted(variant), &self.tuning)
     }
 
     fn shader_module(&self, label: Option<&str>, module: wgpu::naga::Module) -> wgpu::ShaderModule {

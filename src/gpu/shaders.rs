@@ -125,6 +125,22 @@ pub fn shader_paths() -> Vec<&'static str> {
 /// Binding, in bind group 0, of the table of transfer-function intervals.
 const TABLE_BINDING: u32 = 4;
 
+/// Half floats packed in words are a part of WebGPU; only old OpenGL adapters lack them.
+const CAPABILITIES: naga::valid::Capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+
+/// Writes a composed module as WGSL; `entry` is the name of its file for errors.
+///
+/// # Errors
+/// The module is not valid, or WGSL cannot express it: a fault of this program.
+pub fn write_wgsl(entry: &str, module: &naga::Module) -> Result<String> {
+    let fail = |why: String| Error::runtime("cannot write shader as WGSL", entry, why);
+    let flags = naga::valid::ValidationFlags::all();
+    let info = naga::valid::Validator::new(flags, CAPABILITIES).validate(module);
+    let info = info.map_err(|e| fail(e.into_inner().to_string()))?;
+    let options = naga::back::wgsl::WriterFlags::empty();
+    naga::back::wgsl::write_string(module, &info, options).map_err(|e| fail(e.to_string()))
+}
+
 /// Composes the WGSL files of a shader variant to one naga module, with the choices that suit an adapter.
 ///
 /// # Errors
@@ -135,9 +151,7 @@ pub fn compose(variant: &ShaderVariant, tuning: &Tuning) -> Result<naga::Module>
         let all = variant.defs.iter().copied().chain(tuning.defs());
         all.map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect()
     };
-    // Half floats packed in words are a part of WebGPU; only old OpenGL adapters lack them.
-    let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
-    let mut composer = Composer::default().with_capabilities(capabilities);
+    let mut composer = Composer::default().with_capabilities(CAPABILITIES);
     for path in &variant.modules {
         composer
             .add_composable_module(ComposableModuleDescriptor {

@@ -6,8 +6,8 @@ use bytemuck::Pod;
 use std::ops::Range;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages};
 
-/// Creates a texture without mip levels, from which shaders read and to which the host writes. `usage` adds further
-/// texture usages. The size is not compared with the adapter's limits.
+/// Creates a texture without mip levels, from which shaders and the host read and to which the host writes. `usage` adds
+/// further texture usages. The size is not compared with the adapter's limits.
 pub fn texture(
     gpu: &Gpu,
     label: &str,
@@ -23,7 +23,7 @@ pub fn texture(
         sample_count: 1,
         dimension,
         format,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | usage,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC | usage,
         view_formats: &[],
     })
 }
@@ -77,8 +77,7 @@ pub fn store_texture(
 ) -> Result<wgpu::TextureView> {
     gpu.check_texture(label, [width, height])?;
     let sides = [width, gpu.texture_side(height), 1];
-    let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
-    let stored = texture(gpu, label, format, TextureDimension::D2, sides, usage);
+    let stored = texture(gpu, label, format, TextureDimension::D2, sides, TextureUsages::STORAGE_BINDING);
     gpu.take_error()?;
     Ok(stored.create_view(&Default::default()))
 }

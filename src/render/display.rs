@@ -42,7 +42,7 @@ impl DisplayTexture {
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self> {
         gpu.check_texture("the picture on screen", [width, height])?;
         let (format, dimension) = (wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureDimension::D2);
-        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let usage = wgpu::TextureUsages::STORAGE_BINDING;
         let texture = texture(gpu, "picture on screen", format, dimension, [width, height, 1], usage);
         gpu.take_error()?;
         let view = texture.create_view(&Default::default());

@@ -13,6 +13,7 @@ mod output;
 mod pace;
 mod picture;
 mod plan;
+mod portable;
 mod query;
 mod renderer;
 mod session;
@@ -24,6 +25,7 @@ pub use lights::LightMaps;
 pub use pace::Pace;
 pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};
+pub use portable::{PortablePass, PortablePicture, PortableProjection};
 pub use renderer::Renderer;
 pub use session::Session;
 

@@ -33,7 +33,7 @@ pub struct Picture {
 }
 
 /// Marker for a pixel whose eye ray has not started, in the buffer that holds how far each eye ray has been marched.
-const NOT_STARTED: f32 = -FAR;
+pub(super) const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
     /// Renders a picture of a scene; `shadows` holds the shadow maps of its lights, in the order of the lights.
@@ -104,28 +104,9 @@ impl Renderer {
     ) -> Result<Option<(Plan, Span, f64)>> {
         let shadows = shadows.checked(scene)?;
         let maps = shadows.maps();
-        for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
-            // The plan needs to know the pre-compressed table.
-            transfer.prepared(self.gpu(), lookup.within(""))?;
-        }
-        let start = Instant::now();
-        let (mut plan, tiles) = Plan::of(scene, loaded, transfer, maps, &self.kernels)?;
-        let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
-        let mut passes = Vec::new();
-        for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
-            let shadow = maps[map];
-            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
-            let shader = transfer.prepared(self.gpu(), shader)?;
-            passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
-        }
-        let mesh =
-            scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
-        let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
-        let counts = Cell::new(None);
         let none = DeferredPasses::default();
         let deferred = shadows.deferred.unwrap_or(&none);
-        let caster = Caster { loaded, transfer, scene, deferred, tiles, counts, passes, mesh, directions };
+        let (mut plan, caster, host_ms) = self.caster((loaded, transfer), maps, scene, deferred)?;
         let (width, height) = (scene.width, scene.height);
         // The adapter has to bind the buffer of a band.
         let row_bytes = u64::from(width) * 16;
@@ -159,6 +140,57 @@ impl Renderer {
         }
         caster.counts.get().into_iter().for_each(|counts| plan.skip_tiles(counts));
         Ok(Some((plan, span, host_ms)))
+    }
+
+    /// Plans a picture with the given shadow maps. Returns the plan, the inputs of its passes, and the time of the plan
+    /// in ms.
+    pub(super) fn caster<'a>(
+        &self,
+        (loaded, transfer): (&'a LoadedVolume, &'a DeviceTransfer),
+        maps: &[&'a ShadowMap],
+        scene: &'a Scene,
+        deferred: &'a DeferredPasses,
+    ) -> Result<(Plan, Caster<'a>, f64)> {
+        for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
+            // The plan needs to know the pre-compressed table.
+            transfer.prepared(self.gpu(), lookup.within(""))?;
+        }
+        let start = Instant::now();
+        let (plan, tiles) = Plan::of(scene, loaded, transfer, maps, &self.kernels)?;
+        let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
+        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        let mut passes = Vec::new();
+        for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
+            let shadow = maps[map];
+            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
+            let shader = transfer.prepared(self.gpu(), shader)?;
+            passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
+        }
+        let mesh =
+            scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
+        let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
+        let counts = Cell::new(None);
+        let caster = Caster { loaded, transfer, scene, deferred, tiles, counts, passes, mesh, directions };
+        Ok((plan, caster, host_ms))
+    }
+
+    /// Creates bind group 2 of the passes that cast eye rays: frame uniform, band of the picture, progress of its rays,
+    /// tiles, and directions of strands.
+    pub(super) fn stage(
+        &self,
+        caster: &Caster<'_>,
+        frame: &wgpu::Buffer,
+        others: [&wgpu::Buffer; 3],
+    ) -> Group {
+        let [picture, progress, tiles] = others.map(wgpu::Buffer::as_entire_binding);
+        let stage = [
+            (0, self.kernels.uniform(frame)),
+            (1, Slot::read_write(picture)),
+            (2, Slot::read_write(progress)),
+            (3, Slot::read(tiles)),
+        ];
+        let strands = caster.directions.map(DeviceDirections::slots).into_iter().flatten();
+        self.kernels.group("frame", &stage.into_iter().chain((4..).zip(strands)).collect::<Vec<_>>())
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
@@ -198,16 +230,7 @@ impl Renderer {
                     ..caster.frame_uniform(i)
                 };
                 let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
-                let stage = [
-                    (0, self.kernels.uniform(&uniform)),
-                    (1, Slot::read_write(buffer.as_entire_binding())),
-                    (2, Slot::read_write(progress.as_entire_binding())),
-                    (3, Slot::read(tiles.buffer.as_entire_binding())),
-                ];
-                let strands = caster.directions.map(DeviceDirections::slots);
-                let stage: Vec<_> =
-                    stage.into_iter().chain((4..).zip(strands.into_iter().flatten())).collect();
-                let stage = self.kernels.group("frame", &stage);
+                let stage = self.stage(caster, &uniform, [buffer, &progress, &tiles.buffer]);
                 // The first pass draws the background.
                 let left_out = if i == 0 { tiles.left_out } else { 0 };
                 let is_last = i + 1 == caster.passes.len() && first_column + columns >= width;
@@ -281,18 +304,18 @@ impl Renderer {
 }
 
 /// Inputs for casting the eye rays of a picture, which all of its submissions share.
-struct Caster<'a> {
+pub(super) struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
     scene: &'a Scene,
     /// Build passes of shadow maps, which the first submission of the picture runs too.
     deferred: &'a DeferredPasses,
-    tiles: PictureTiles,
+    pub tiles: PictureTiles,
     /// Number of all tiles of the picture and of empty ones, once the device has found them.
     counts: Cell<Option<[usize; 2]>>,
-    passes: Vec<Pass<'a>>,
+    pub passes: Vec<Pass<'a>>,
     /// Bind group 3 with the triangles of the scene's mesh, if there is one.
-    mesh: Option<Group>,
+    pub mesh: Option<Group>,
     /// Directions of the strands (hair or fibres) on the device, if the shading reads them.
     directions: Option<&'a DeviceDirections>,
 }
@@ -326,7 +349,7 @@ impl Caster<'_> {
 
     /// Returns the uniform of one rendering pass over a picture. The first pass draws the ambient light and the
     /// background; later passes add their light to it.
-    fn frame_uniform(&self, pass: usize) -> FrameUniform {
+    pub fn frame_uniform(&self, pass: usize) -> FrameUniform {
         let frame = frame_uniform(&self.loaded.volume, self.scene);
         let lit = 1.0 - self.scene.ambient;
         let radiance = self.passes[pass].radiance.unwrap_or(LightSource::WHITE);
@@ -339,11 +362,11 @@ impl Caster<'_> {
 }
 
 /// Rendering pass over a picture that adds one light, or several at once, with its shader and shadow map.
-struct Pass<'a> {
-    shadow: &'a ShadowMap,
+pub(super) struct Pass<'a> {
+    pub shadow: &'a ShadowMap,
     radiance: Option<[f64; 3]>,
-    shader: ShaderVariant,
-    resumable: bool,
+    pub shader: ShaderVariant,
+    pub resumable: bool,
 }
 
 /// Smallest width of the part of a picture that one submission draws, in pixels. Narrower parts would spend too much

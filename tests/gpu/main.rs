@@ -4,6 +4,8 @@
 
 mod attack;
 mod bound;
+#[path = "../common/browser.rs"]
+mod browser;
 mod certified;
 mod checks;
 mod cli;
@@ -33,6 +35,7 @@ mod mean_error;
 mod mesh;
 mod near;
 mod nodes;
+mod page;
 mod parts;
 mod points;
 mod pool;

@@ -1,6 +1,8 @@
 //! Tests without a graphics device: file formats, float64 reference, strands, shader texts, commands, the repository.
 
 mod bricks;
+#[path = "../common/browser.rs"]
+mod browser;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
@@ -22,4 +24,5 @@ mod rooms;
 mod shaders;
 mod strands;
 mod style;
+mod tint;
 mod transfer_tables;

@@ -1,30 +1,18 @@
 //! `report.html` in a headless browser, if one is installed: it opens without a network, shows plots and pictures,
 //! and its table sorts.
 
+use crate::browser::browser;
 use crate::common::Requirement;
 use ndarray::{Array2, arr2};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use umbravox::measure::table::Row;
 use umbravox::report::html::{Conditions, Pictured, html};
 use umbravox::shadow::NodeMap;
 
-const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 /// Time limit for the browser, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(180);
-
-/// Finds the first browser on the path; `None` and a printed line if there is none.
-fn browser() -> Option<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path)
-        .flat_map(|folder| BROWSERS.map(|name| folder.join(name)))
-        .find(|file| file.is_file());
-    if found.is_none() {
-        Requirement::Browser.missing(&format!("there is no {}", BROWSERS.join(", ")));
-    }
-    found
-}
 
 /// Returns the document after the browser has loaded it; `None` and a printed line if the browser cannot even show an
 /// empty page.

@@ -191,6 +191,13 @@ fn translate(
     assert!(metal_text.contains("kernel void") && direct_text.contains("numthreads"), "{variant:?}");
 }
 
+/// Selected shader variants for tests, with the number of all.
+pub fn tried() -> (Vec<(ShaderVariant, Tuning)>, usize) {
+    let variants = variants();
+    let count = variants.len();
+    (pairwise(variants).into_iter().step_by(SIZES.shader_stride).collect(), count)
+}
+
 #[test]
 fn every_shader_composes_validates_and_translates_for_every_driver() {
     let spirv_val = common::starts("spirv-val");

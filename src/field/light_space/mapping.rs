@@ -283,7 +283,7 @@ impl LightSpace {
 mod tests {
     use super::*;
     use crate::field::field_shader;
-    use crate::gpu::wgsl_layout;
+    use crate::gpu::{StructLayout, wgsl_layout};
     use std::mem::offset_of;
 
     #[test]
@@ -292,7 +292,7 @@ mod tests {
             .with_depth_march()
             .modules(&["shadow/rays/lookup.wgsl", "shadow/direct.wgsl"]);
         // The rows of the affine are an array in Rust and three vectors in WGSL.
-        let (size, mut members) = wgsl_layout(&shader, "LightSpace");
+        let StructLayout { size, mut members } = wgsl_layout(&shader, "LightSpace");
         let rows: Vec<_> = members.drain(..3).collect();
         for (row, axis) in ["a", "b", "h"].iter().enumerate() {
             let at = offset_of!(LightUniform, frame_from_grid) + row * size_of::<[f32; 4]>();

@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn uniforms_match_their_shaders() {
-        let (_, members) = wgsl_layout(&parse_list("avsm").unwrap()[0].passes()[0], "AvsmParams");
+        let members = wgsl_layout(&parse_list("avsm").unwrap()[0].passes()[0], "AvsmParams").members;
         let offset = |name: &str, offset: usize| (name.to_string(), offset);
         let longest_depth = offset("longest_depth", std::mem::offset_of!(AvsmParams, longest_depth));
         let epsilon = offset("epsilon", std::mem::offset_of!(AvsmParams, epsilon));

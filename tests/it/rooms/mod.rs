@@ -10,13 +10,14 @@ use std::path::Path;
 
 /// Every top-level module, the highest first: name, purpose, and the modules that it may import if these are fewer
 /// than all lower ones.
-const ROOMS: [(&str, &str, Option<&[&str]>); 23] = [
+const ROOMS: [(&str, &str, Option<&[&str]>); 24] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
     ("benchmark", "The frozen benchmark: cells, searches, rankings.", None),
     ("engine", "Interactive session without a window toolkit: shadow cache, requests, render thread.", None),
     ("open", "From what a user names to what the program works on.", None),
     ("replication", "Claims of the papers, and the stability suite.", None),
+    ("page", "HTML pages that draw a scene in a browser.", None),
     ("report", "From rows to what a reader gets.", None),
     ("measure", "Rows: errors, times and facts of every method.", None),
     ("render", "Eye rays: plan, ray caster, display, queries.", None),

@@ -1,0 +1,244 @@
+//! Page for browsers: one HTML file that draws a scene with the shaders of this program, in WebGPU and offline.
+//!
+//! The page holds what the device holds: volume, lookup tables, shadow maps and composed shaders. Its script writes the
+//! uniforms of camera and light, and runs the passes of [`PortablePicture`].
+
+mod contents;
+mod html;
+
+use crate::error::{Error, Result};
+use crate::field::{FAR, grid_from_world};
+use crate::render::{PortablePicture, Session};
+use crate::scene::{Light, Scene};
+use crate::shadow::{Lookup, Method, ShadowMap};
+use crate::volume::BRICK_CELLS;
+use contents::{Contents, UniformRecord};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use glam::DVec3;
+pub use html::{PageTexts, html};
+use serde::Serialize;
+use std::io::Write;
+
+/// Largest size of the data of a page, bytes. Texts of browsers end near 512 MiB, and the data become base64.
+const MOST_DATA: usize = 300_000_000;
+
+/// Camera of a picture, lengths in mm.
+#[derive(Debug, Serialize)]
+struct CameraRecord {
+    eye: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    fov_deg: f64,
+}
+
+/// Affine transforms of a volume as 12 numbers, column by column, and other constants of the scene.
+#[derive(Debug, Serialize)]
+struct SpaceRecord {
+    grid_from_world: [f64; 12],
+    world_from_grid: [f64; 12],
+    volume_center: [f64; 3],
+    min_spacing_mm: f64,
+    /// Corners of the box of active bricks (blocks of cells with extinction) in grid space, or of the volume if none is
+    /// active.
+    active: [[f64; 3]; 2],
+    brick_cells: usize,
+    far: f32,
+}
+
+/// Offsets of the members of the uniforms that the page writes.
+#[derive(Debug, Serialize)]
+struct Uniforms {
+    field: UniformRecord,
+    frame: UniformRecord,
+    projection: UniformRecord,
+    /// `None`: no shader reads the light.
+    light: Option<UniformRecord>,
+}
+
+/// Pass that finds the depth ranges of the picture's tiles.
+#[derive(Debug, Serialize)]
+struct ProjectRecord {
+    pipeline: usize,
+    group: usize,
+    workgroups: [u32; 3],
+}
+
+/// Pass that casts the eye rays of one light.
+#[derive(Debug, Serialize)]
+struct PassRecord {
+    pipeline: usize,
+    shadow: usize,
+    frame: Vec<u8>,
+    resumable: bool,
+}
+
+/// Pictures of one shadow method.
+#[derive(Debug, Serialize)]
+struct MethodRecord {
+    label: String,
+    /// Whether the method has no shadow map, so that its light can be moved.
+    follows_light: bool,
+    /// Whether the method is the reference of difference pictures.
+    is_reference: bool,
+    /// Bind groups 0, 2 and 3. The page replaces bindings 0 to 3 of group 2.
+    field: usize,
+    stage: usize,
+    mesh: Option<usize>,
+    background: usize,
+    project: Option<ProjectRecord>,
+    passes: Vec<PassRecord>,
+}
+
+/// Everything that the script of a page needs.
+#[derive(Serialize)]
+struct PageRecord<'a> {
+    size: [u32; 2],
+    picture_side: u32,
+    block_side: u32,
+    not_started: f32,
+    camera: CameraRecord,
+    /// Direction towards each directional light; `None` for a point light.
+    lights: Vec<Option<[f64; 3]>>,
+    space: SpaceRecord,
+    uniforms: Uniforms,
+    methods: Vec<MethodRecord>,
+    contents: &'a Contents<'a>,
+}
+
+/// Returns the data of a page: a gzip file of the length of a JSON text as four bytes, the text, and the bytes of all
+/// resources from the next multiple of 16 bytes on.
+///
+/// # Errors
+/// The device cannot hold a shadow map, or is lost.
+pub fn page_data(session: &Session, methods: &[Box<dyn Method>], scene: &Scene) -> Result<Vec<u8>> {
+    let Session { renderer, loaded, transfer } = session;
+    let mut contents = Contents::new(renderer.kernels());
+    let (mut records, mut pictures) = (Vec::new(), Vec::new());
+    for method in methods {
+        let maps = renderer.shadows_in(loaded, transfer, method.as_ref(), scene, None)?;
+        let picture = renderer.portable(loaded, transfer, &maps, scene)?;
+        records.push(method_record(&mut contents, method.as_ref(), &picture, &maps)?);
+        pictures.push(picture);
+    }
+    let toward = |light: Light| match light {
+        Light::Directional { toward } => Some(toward.to_array()),
+        Light::Point { .. } => None,
+    };
+    let record = PageRecord {
+        size: [scene.width, scene.height],
+        picture_side: PortablePicture::TILE_SIDE,
+        block_side: PortablePicture::BLOCK_SIDE,
+        not_started: PortablePicture::NOT_STARTED,
+        camera: CameraRecord {
+            eye: scene.camera.eye.to_array(),
+            target: scene.camera.target.to_array(),
+            up: scene.camera.up.to_array(),
+            fov_deg: scene.camera.fov_deg,
+        },
+        lights: scene.shining().into_iter().map(|source| toward(source.light)).collect(),
+        space: space_record(session),
+        uniforms: uniform_records(&contents, &pictures)?,
+        methods: records,
+        contents: &contents,
+    };
+    let data = packed(&record, &contents.bytes)?;
+    if data.len() > MOST_DATA {
+        let why = format!(
+            "its data have {} MB, and a page holds at most {}",
+            data.len() / 1_000_000,
+            MOST_DATA / 1_000_000
+        );
+        return Err(Error::input("cannot write page", &loaded.volume.provenance.source, why)
+            .hint("--downsample makes the volume smaller; fewer --methods need less"));
+    }
+    Ok(data)
+}
+
+/// Returns the layouts of the uniforms that a page writes.
+fn uniform_records(contents: &Contents<'_>, pictures: &[PortablePicture]) -> Result<Uniforms> {
+    let passes = || pictures.iter().flat_map(|picture| &picture.passes);
+    let first = passes()
+        .next()
+        .ok_or_else(|| Error::input("cannot write page", "--methods", "no method is given"))?;
+    let light = passes().map(|pass| contents.uniform(&pass.shader, "LightSpace")).find_map(Result::transpose);
+    let of = |shader, name: &str| {
+        let missing = || Error::runtime("cannot write page", "shader", format!("no struct {name}"));
+        contents.uniform(shader, name)?.ok_or_else(missing)
+    };
+    Ok(Uniforms {
+        field: of(&first.shader, "Field")?,
+        frame: of(&first.shader, "Frame")?,
+        projection: of(&PortablePicture::projection_shader(), "Projection")?,
+        light: light.transpose()?,
+    })
+}
+
+fn method_record(
+    contents: &mut Contents<'_>,
+    method: &dyn Method,
+    picture: &PortablePicture,
+    maps: &[ShadowMap],
+) -> Result<MethodRecord> {
+    let PortablePicture { field, stage, mesh, .. } = picture;
+    let groups = |shadow| [field, shadow, stage].into_iter().chain(mesh).collect::<Vec<_>>();
+    let mut passes = Vec::new();
+    for pass in &picture.passes {
+        passes.push(PassRecord {
+            pipeline: contents.pipeline(&pass.shader, &groups(&pass.shadow))?,
+            shadow: contents.group(&pass.shadow)?,
+            frame: pass.frame.clone(),
+            resumable: pass.resumable,
+        });
+    }
+    let project = match &picture.project {
+        None => None,
+        Some(project) => Some(ProjectRecord {
+            pipeline: contents.pipeline(&project.shader, &[&project.group])?,
+            group: contents.group(&project.group)?,
+            workgroups: project.workgroups,
+        }),
+    };
+    let is_ray = |map: &ShadowMap| map.lookup.as_ref().is_some_and(Lookup::marches_cells);
+    let has_no_map = |map: &ShadowMap| map.group.entries().len() == 1;
+    Ok(MethodRecord {
+        label: method.spec().to_string(),
+        follows_light: maps.iter().all(has_no_map),
+        is_reference: maps.iter().all(|map| has_no_map(map) && is_ray(map)),
+        field: contents.group(field)?,
+        stage: contents.group(stage)?,
+        mesh: mesh.as_ref().map(|mesh| contents.group(mesh)).transpose()?,
+        background: contents.pipeline(&picture.background, &groups(&picture.passes[0].shadow))?,
+        project,
+        passes,
+    })
+}
+
+fn space_record(session: &Session) -> SpaceRecord {
+    let volume = &session.loaded.volume;
+    let grid_from_world = grid_from_world(volume);
+    let corners = volume.corners_mm();
+    let dims = volume.dims();
+    let active = session.transfer.active.index_box(dims);
+    let whole = [DVec3::splat(-0.5), DVec3::from(dims.map(|n| n as f64 - 0.5))];
+    SpaceRecord {
+        grid_from_world: grid_from_world.to_cols_array(),
+        world_from_grid: grid_from_world.inverse().to_cols_array(),
+        volume_center: (corners.iter().sum::<DVec3>() / 8.0).to_array(),
+        min_spacing_mm: volume.min_spacing_mm(),
+        active: active.unwrap_or(whole).map(|index| (index + 1.0).to_array()),
+        brick_cells: BRICK_CELLS,
+        far: FAR,
+    }
+}
+
+fn packed(record: &PageRecord<'_>, bytes: &[u8]) -> Result<Vec<u8>> {
+    let fail = |e: &dyn std::fmt::Display| Error::runtime("cannot write page", "data", e);
+    let mut text = serde_json::to_vec(record).map_err(|e| fail(&e))?;
+    text.resize((text.len() + 4).next_multiple_of(16) - 4, b' ');
+    let length = u32::try_from(text.len()).map_err(|e| fail(&e))?;
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::best());
+    let written =
+        [&length.to_le_bytes()[..], &text, bytes].into_iter().try_for_each(|all| gzip.write_all(all));
+    written.and_then(|()| gzip.finish()).map_err(|e| fail(&e))
+}
