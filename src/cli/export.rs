@@ -57,10 +57,10 @@ const EFFORT: Effort = Effort {
 /// Bad input, a scan without `--embed-volume`, a failure of the device or disk, or an interruption.
 pub fn run(args: ExportArgs) -> Result<()> {
     check_output(&args.output, &["html"])?;
-    let mut methods = Vec::new();
+    let mut methods: Vec<Box<dyn Method>> = Vec::new();
     for method in parse_distinct(&args.methods).map_err(|e| e.at("--methods"))? {
         let method = of_all_views(method)?;
-        if methods.iter().all(|known: &Box<dyn Method>| known.spec() != method.spec()) {
+        if methods.iter().all(|known| known.spec() != method.spec()) {
             methods.push(method);
         }
     }
