@@ -3,15 +3,13 @@
 use crate::error::Result;
 use crate::files::picture::picture_png;
 use crate::measure::comparison::Compared;
+use crate::report::html::POLICY;
 use crate::report::number::significant;
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
-const POLICY: &str =
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
-
 /// Texts of a page.
 #[derive(Debug, Clone, Default)]
 pub struct PageTexts {

@@ -21,7 +21,8 @@ use std::path::Path;
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
-const POLICY: &str =
+/// Content security policy of pages that need no network: inline scripts, styles and pictures only.
+pub const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// Row of the comparison table with its picture and difference image as PNG files, for the HTML report.
