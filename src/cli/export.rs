@@ -32,7 +32,7 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Shadow methods of the page separated by `;`, each with settings such as dsm:map=256
-    #[arg(long, value_name = "METHODS", default_value = "rays;dsm;avsm;osm;fourier;none")]
+    #[arg(long, value_name = "METHODS", default_value = "dsm;rays;avsm;osm;fourier;none")]
     pub methods: String,
     /// Put the voxels, labels and meshes of the scene's files into the page, where everybody who has the page can read
     /// them. Built-in phantoms do not need this flag
