@@ -1,11 +1,12 @@
 //! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
 use super::console::{load_scene, print_message, print_result, progress_bar};
+use super::export::{check_embedded, page_methods, scene_page};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::output::{check_output_dir, prepare_output_dir};
+use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
@@ -21,7 +22,7 @@ use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
 use crate::report::run::{Run, Shard};
 use crate::report::tables::{Layout, summary};
 use crate::report::writers::table_json;
-use crate::shadow::{COMPARED, parse_distinct};
+use crate::shadow::{COMPARED, Method, parse_distinct};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -57,6 +58,12 @@ pub struct CompareArgs {
     /// Measure only part I of N (a shard) of the table's rows, I from 1 to N; `umbravox merge` combines the shards
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
+    /// Also write a page that draws each scene in a browser with the compared methods, as `umbravox export` does
+    #[arg(long)]
+    pub page: bool,
+    /// Allow that the pages of --page hold the voxels, labels and meshes of the scene's files
+    #[arg(long, requires = "page")]
+    pub embed_volume: bool,
     #[command(flatten)]
     pub layout: LayoutFlags,
     /// Number of timed runs of each shadow method, after warm-up [default: 5, and 20 where build and frame take less than
@@ -147,12 +154,15 @@ pub fn run(args: CompareArgs) -> Result<()> {
     if scenes.iter().any(|s| s.shadow.is_some()) {
         print_message("note", &"compare ignores --shadow; --methods lists its methods");
     }
+    if args.page {
+        scenes.iter().try_for_each(|scene| check_embedded(scene, args.embed_volume))?;
+    }
     let (scenes, first) = read_all(scenes, &paths, args.each_light)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
     let records = scenes.iter().map(|scene| scene.record.clone()).collect();
     let facts = Facts::of(renderer.gpu());
     let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);
-    run.ablate = args.ablate;
+    (run.ablate, run.pages) = (args.ablate, args.page);
     run.budgets = budgets.iter().map(Budget::to_string).collect();
     run.command = std::env::args().collect();
     if run.count_here() == 0 {
@@ -178,7 +188,40 @@ pub fn run(args: CompareArgs) -> Result<()> {
     run.begin(&args.output, start, &tf_texts)?;
     let made = measure_rows(&run, &budgets, &scenes, first, &renderer, &mut journal)
         .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
-    publish(made, &output, &args.output, &layout)
+    drop((journal, renderer));
+    let rows = publish(made, &output, &args.output, &layout)?;
+    if args.page {
+        write_pages(&run, &scenes, &rows, adapter.as_deref(), &args.output)?;
+    }
+    verdict(&rows, &args.output)
+}
+
+/// Writes a page for each scene that draws it in a browser, with the methods whose rows did not fail.
+fn write_pages(
+    run: &Run,
+    scenes: &[RecordedScene],
+    rows: &[Row],
+    adapter: Option<&str>,
+    folder: &Path,
+) -> Result<()> {
+    for (i, (scene, here)) in scenes.iter().zip(run.methods_here()).enumerate() {
+        let failed = |method: &dyn Method| {
+            let is_of = |row: &Row| (&*row.method, &row.params) == (method.name(), &method.params());
+            rows.iter().any(|row| row.has_failed() && row.scene == run.scenes[i].name && is_of(row))
+        };
+        let all = parse_distinct(&run.methods)?.into_iter().zip(here);
+        let methods = all.filter(|(method, here)| *here && !failed(method.as_ref())).map(|(method, _)| method);
+        let methods = page_methods(methods.collect())?;
+        if methods.is_empty() {
+            continue;
+        }
+        let loaded = scene.settings.load(&Loading::default())?;
+        let page = scene_page(&scene.settings, &loaded, &methods, Gpu::open(adapter)?)?;
+        let path = folder.join(run.page_name(i));
+        write_whole(&path, |file| file.write_all(page.html.as_bytes()))?;
+        print_message("page", &path.display());
+    }
+    Ok(())
 }
 
 /// Measures the rows of the table that compares shadow methods, with progress on the terminal. An interrupt (Ctrl-C)
@@ -268,7 +311,7 @@ fn read_all(
 }
 
 /// Writes the files of a finished comparison of shadow methods, prints its table, and lists the files.
-fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Result<()> {
+fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Result<Vec<Row>> {
     let all = &made.comparison;
     all.notes.iter().for_each(|note| print_message("note", note));
     for (name, e) in &all.failures {
@@ -290,7 +333,7 @@ fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Res
         print_result(&summary(&rows, layout))?;
     }
     list_files(&files);
-    verdict(&rows, folder)
+    Ok(rows)
 }
 
 /// Prints to stderr the names of the files that a comparison of shadow methods wrote.

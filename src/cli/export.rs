@@ -6,11 +6,10 @@ use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
 use crate::gpu::{Gpu, Tuning};
-use crate::measure::compare::{compare, steps};
 use crate::measure::comparison::Compared;
 use crate::measure::facts::REVISION;
-use crate::measure::job::{Checked, Effort, Job};
-use crate::measure::journal::Journal;
+use crate::measure::job::{Effort, Job};
+use crate::measure::picture_errors::picture_errors;
 use crate::measure::progress::Progress;
 use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
 use crate::page::{PageTexts, html, page_data};
@@ -40,16 +39,8 @@ pub struct ExportArgs {
     pub embed_volume: bool,
 }
 
-/// Extent of the measurement of the errors that a page shows.
-const EFFORT: Effort = Effort {
-    repeats: 1,
-    short_repeats: 0,
-    points: 4000,
-    rays: 200,
-    depths: 50,
-    check: Checked::Sample,
-    flicker: 0,
-};
+/// Number of visible points at which the errors of a page are measured.
+const POINTS: usize = 2000;
 
 /// Runs the `export` command: measures the errors of the methods, and writes the page.
 ///
@@ -57,30 +48,11 @@ const EFFORT: Effort = Effort {
 /// Bad input, a scan without `--embed-volume`, a failure of the device or disk, or an interruption.
 pub fn run(args: ExportArgs) -> Result<()> {
     check_output(&args.output, &["html"])?;
-    let mut methods: Vec<Box<dyn Method>> = Vec::new();
-    for method in parse_distinct(&args.methods).map_err(|e| e.at("--methods"))? {
-        let method = of_all_views(method)?;
-        if methods.iter().all(|known| known.spec() != method.spec()) {
-            methods.push(method);
-        }
-    }
+    let methods = page_methods(parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
-    if let Some(file) = embedded_file(&settings).filter(|_| !args.embed_volume) {
-        return Err(Error::input("cannot write page", file, "the page would hold the data of this file").hint(
-            "--embed-volume puts them into the page, for everybody who has it; --downsample makes it smaller",
-        ));
-    }
+    check_embedded(&settings, args.embed_volume)?;
     let loaded = load_scene(&settings)?;
-    let mut gpu = Gpu::open(run.adapter.as_deref())?;
-    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter.
-    gpu.tuning = Tuning::CARD;
-    let renderer = Arc::new(Renderer::new(gpu));
-    let session =
-        Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, settings.disabled_optimizations())?
-            .with_strands(loaded.strands.clone());
-    let rows = measured(&session, &methods, &loaded)?;
-    let data = page_data(&session, &methods, &loaded.scene)?;
-    let page = html(&texts(&settings, &loaded), &rows, &data)?;
+    let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, Gpu::open(run.adapter.as_deref())?)?;
     write_whole(&args.output, |file| file.write_all(page.as_bytes()))?;
     if run.explain {
         rows.iter().flat_map(|row| &row.left_out).for_each(|omission| print_message("plan", omission));
@@ -100,16 +72,66 @@ struct Summary {
     bytes: usize,
 }
 
-/// Returns the first file of a scene whose data a page would hold: volume, segmentation, mesh or strands.
-fn embedded_file(settings: &SceneSettings) -> Option<&str> {
-    let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
-    let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
-    files.map(String::as_str).find(|source| !source.starts_with("phantom:"))
+/// Page of a scene.
+pub struct Page {
+    /// Text of the HTML file.
+    pub html: String,
+    /// Methods of the page with their errors and pictures.
+    pub rows: Vec<Compared>,
 }
 
-/// Returns a method whose shadow maps are valid in all views, since the camera of a page moves.
-fn of_all_views(method: Box<dyn Method>) -> Result<Box<dyn Method>> {
-    method.spec().with("fit", "volume").map_or(Ok(method), |spec| spec.method())
+/// Measures the errors of methods from [`page_methods`], and returns the page of a scene.
+///
+/// # Errors
+/// The device cannot hold the scene or a shadow map, the page is too large, or the user interrupted it.
+pub fn scene_page(
+    settings: &SceneSettings,
+    loaded: &Loaded,
+    methods: &[Box<dyn Method>],
+    mut gpu: Gpu,
+) -> Result<Page> {
+    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter.
+    gpu.tuning = Tuning::CARD;
+    let renderer = Arc::new(Renderer::new(gpu));
+    let session =
+        Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, settings.disabled_optimizations())?
+            .with_strands(loaded.strands.clone());
+    let rows = measured(&session, methods, loaded)?;
+    let data = page_data(&session, methods, &loaded.scene)?;
+    Ok(Page { html: html(&texts(settings, loaded), &rows, &data)?, rows })
+}
+
+/// Fails if a page of the scene would hold the data of a file (volume, segmentation, mesh or strands), unless that is
+/// allowed.
+///
+/// # Errors
+/// The scene reads a file, and `is_allowed` is false.
+pub fn check_embedded(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
+    let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
+    let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
+    match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {
+        Some(file) if !is_allowed => {
+            Err(Error::input("cannot write page", file, "the page would hold the data of this file").hint(
+                "--embed-volume puts them into the page, for everybody who has it; --downsample makes it smaller",
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Returns methods whose shadow maps are valid in all views, since the camera of a page moves. Each is returned once.
+///
+/// # Errors
+/// A setting of a method excludes `fit=volume`.
+pub fn page_methods(methods: Vec<Box<dyn Method>>) -> Result<Vec<Box<dyn Method>>> {
+    let mut distinct: Vec<Box<dyn Method>> = Vec::new();
+    for method in methods {
+        let method = method.spec().with("fit", "volume").map_or(Ok(method), |spec| spec.method())?;
+        if distinct.iter().all(|known| known.spec() != method.spec()) {
+            distinct.push(method);
+        }
+    }
+    Ok(distinct)
 }
 
 /// Measures the errors of the methods of a page, and draws their pictures.
@@ -117,21 +139,15 @@ fn measured(session: &Session, methods: &[Box<dyn Method>], loaded: &Loaded) -> 
     let Loaded { volume, tf, scene, strands, .. } = loaded;
     let name = scene_name(volume, tf);
     let strands = strands.as_deref().map(|of| &of.strands);
-    let job = Job { strands, ..Job::new(session, (volume, tf), scene, &name, EFFORT) };
+    let effort = Effort { points: POINTS, ..Effort::default() };
+    let job = Job { strands, ..Job::new(session, (volume, tf), scene, &name, effort) };
     let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
     let interrupt = Interrupt::between_steps("no page is written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
-    for (step, times) in steps(methods, &EFFORT) {
-        progress.expect(step, times);
-    }
-    let compared = compare(&job, methods, &mut Journal::nowhere(), &mut progress);
+    let rows = picture_errors(&job, methods, &mut progress);
     drop(progress);
     bar.finish_and_clear();
-    let compared = compared?;
-    match compared.failures.into_iter().next() {
-        Some((name, error)) => Err(error.at(name)),
-        None => Ok(compared.compared),
-    }
+    rows
 }
 
 /// Returns heading and facts of a page.

@@ -46,6 +46,7 @@ pub mod journal;
 pub mod light_curve;
 pub mod mean_error;
 pub mod pareto;
+pub mod picture_errors;
 pub mod point_bound;
 mod point_checks;
 pub mod point_report;

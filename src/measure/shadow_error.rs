@@ -8,8 +8,9 @@ use super::progress::Progress;
 use super::similarity::ssim;
 use super::stats::{ImageError, image_error};
 use crate::error::Result;
+use crate::render::Picture;
 use crate::shadow::{Lookup, ShadowMap, parse};
-use ndarray::{Array3, ArrayView3};
+use ndarray::ArrayView3;
 
 /// Difference of a method's picture from that with exact shadows.
 pub(super) struct ShadowError {
@@ -22,7 +23,7 @@ pub(super) struct ShadowError {
 
 /// Picture of a scene by shadow rays.
 struct Reference {
-    picture: Array3<f32>,
+    picture: Picture,
     filtered: FilteredPicture,
     /// Largest error of the shadow rays at the visible points.
     rays_error: f64,
@@ -33,8 +34,8 @@ impl Reference {
     fn new(job: &Job, visible: &VisiblePointsByLight, each: bool) -> Result<Self> {
         let rays = parse(if each { "rays:lookup=each" } else { "rays" })?;
         let maps = job.session.shadows_of(rays.as_ref(), job.scene)?;
-        let picture = job.session.render(&maps, job.scene)?.pixels;
-        let filtered = FilteredPicture::of(picture.view());
+        let picture = job.session.render(&maps, job.scene)?;
+        let filtered = FilteredPicture::of(picture.pixels.view());
         let rays_error = visible.errors(job.session, &maps)?.map_or(0.0, |stats| stats.max_abs);
         Ok(Self { picture, filtered, rays_error })
     }
@@ -60,13 +61,27 @@ impl ShadowReferences {
     ) -> Result<Option<ShadowError>> {
         progress.check("shadows in the picture")?;
         let each = shadows.iter().any(|map| map.lookup.as_ref().is_some_and(Lookup::answers_each_sample));
-        let known = self.0[usize::from(each)].get_or_insert_with(|| Reference::new(job, visible, each));
-        let Ok(Reference { picture: exact, filtered, .. }) = known else { return Ok(None) };
+        let Ok(Reference { picture: exact, filtered, .. }) = self.get(job, visible, each) else {
+            return Ok(None);
+        };
+        let exact = &exact.pixels;
         Ok(Some(ShadowError {
             image: image_error(picture, exact.view())?,
             ssim: ssim(picture, exact.view())?,
             flip: flip(picture, (exact.view(), filtered))?,
         }))
+    }
+
+    /// Returns the picture of the method `rays` with its default settings.
+    ///
+    /// # Errors
+    /// The device cannot render it.
+    pub fn picture_by_rays(&mut self, job: &Job, visible: &VisiblePointsByLight) -> Result<&Picture> {
+        self.get(job, visible, false).as_ref().map(|reference| &reference.picture).map_err(Clone::clone)
+    }
+
+    fn get(&mut self, job: &Job, visible: &VisiblePointsByLight, each: bool) -> &Result<Reference> {
+        self.0[usize::from(each)].get_or_insert_with(|| Reference::new(job, visible, each))
     }
 
     /// Returns a note on the accuracy of the pictures by shadow rays, or on why there is none.

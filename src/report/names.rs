@@ -35,6 +35,11 @@ pub fn grids(prefix: &str) -> [String; 2] {
     ["png", "pdf"].map(|ending| format!("{prefix}grid.{ending}"))
 }
 
+/// File name of the page that draws a scene in a browser.
+pub fn page(prefix: &str) -> String {
+    format!("{prefix}page.html")
+}
+
 /// File names without extension of the two plots of a scene: error against time, and error against memory.
 pub fn plots(part: &str) -> [String; 2] {
     let stem = if part.is_empty() { "compare".to_owned() } else { format!("compare_{part}") };

@@ -137,6 +137,9 @@ pub struct Run {
     /// Memory and time budgets within which each shadow method's settings were tuned, in the syntax of `--budget`.
     #[serde(default)]
     pub budgets: Vec<String>,
+    /// Whether each scene also has a page that draws it in a browser (`--page`).
+    #[serde(default)]
+    pub pages: bool,
     /// Whether the comparison also measured the cost of each optimization (`--ablate`).
     pub ablate: bool,
     /// Index of this shard (part of the comparison) and number of shards, as `I/N`; `None` if the folder contains the
@@ -211,6 +214,11 @@ impl Run {
         names::prefix(&self.scenes[scene].name, self.scenes.len() > 1)
     }
 
+    /// File name of the page that draws a scene in a browser.
+    pub fn page_name(&self, scene: usize) -> String {
+        names::page(&self.prefix(scene))
+    }
+
     /// Prefix of the names of all result files of one scene on one graphics adapter.
     pub fn prefix_of(&self, scene: &str, adapter: &str) -> String {
         let prefix = names::prefix(scene, self.scenes.len() > 1);
@@ -265,6 +273,7 @@ impl Run {
             files.extend([&scene.file, &scene.tf_file].into_iter().filter(|name| !name.is_empty()).cloned());
             let stems = self.plot_parts(i).into_iter().flat_map(|part| names::plots(&part));
             files.extend(stems.flat_map(|stem| names::PLOT_ENDINGS.map(|e| format!("{stem}.{e}"))));
+            files.extend(self.pages.then(|| self.page_name(i)));
             for prefix in self.prefixes(i) {
                 files.extend(names::grids(&prefix));
                 files.extend(["png", "exr"].map(|e| format!("{}.{e}", names::reference(&prefix))));
