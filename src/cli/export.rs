@@ -4,7 +4,7 @@ use super::console::{load_scene, print_json, print_message, progress_bar};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
-use crate::files::output::{check_output, write_whole};
+use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::comparison::Compared;
 use crate::measure::facts::REVISION;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 pub struct ExportArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Output page: .html
+    /// Output page: .html, or `-` for standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Shadow methods of the page separated by `;`, each with settings such as dsm:map=256
@@ -47,7 +47,7 @@ const POINTS: usize = 2000;
 /// # Errors
 /// Bad input, a scan without `--embed-volume`, a failure of the device or disk, or an interruption.
 pub fn run(args: ExportArgs) -> Result<()> {
-    check_output(&args.output, &["html"])?;
+    check_output_or_stdout(&args.output, &["html"], args.scene.request.run.json)?;
     let methods = page_methods(parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
     check_embedded(&settings, args.embed_volume)?;

@@ -1,18 +1,19 @@
-//! `umbravox render`: renders one picture, or the pictures of a rotation of the camera or the lights.
+//! `umbravox render`: renders one picture, or those of a rotation of the camera or the lights, or of a time series.
 
 use super::console::{load_scene, print_json, print_message};
-use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
+use super::frames::{FrameFlags, FrameRecord, FrameWriter, Frames, Position, Texts};
 use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::animation::is_animation;
-use crate::files::output::check_output;
+use crate::files::loading::Loading;
+use crate::files::output::{check_output, check_output_or_stdout};
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture, write_picture_with};
 use crate::gpu::{Clock, Gpu};
 use crate::measure::certified::{self, Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
-use crate::open::{Loaded, SceneArgs, SceneRequest, values};
+use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings, values};
 use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
@@ -23,7 +24,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Draw one picture, or the pictures of a camera rotation (turntable) or light rotation (light sweep)
+/// Draw one picture, or those of a camera rotation (turntable), a light rotation (light sweep) or a time series
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     #[command(flatten)]
@@ -33,18 +34,19 @@ pub struct RenderArgs {
     /// Output picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
     /// --background none, .png has straight alpha, and .exr and .npy have premultiplied colours. A .png contains the
     /// scene file as a text chunk. With --turntable or --light-sweep, frame.png stands for frame_0000.png and so on;
-    /// .apng and .gif are one animated file
+    /// .apng and .gif are one animated file. `-` writes PNG to standard output, the pictures of a rotation one after
+    /// another
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Print an upper bound, at 99 % confidence, on the mean error of the picture's shadows, and an estimate of that
     /// error: from the exact transmittance at 10,000 random points
-    #[arg(long, conflicts_with_all = ["turntable", "light_sweep"])]
+    #[arg(long, conflicts_with_all = ["turntable", "light_sweep", "frames"])]
     pub error_bound: bool,
     /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md). The transmittance of a
     /// sample errs by at most ETA by the bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow
     /// ray is cast
     #[arg(long, value_name = "ETA", value_parser = values::within(0.0..=1.0),
-        conflicts_with_all = ["turntable", "light_sweep", "error_bound"])]
+        conflicts_with_all = ["turntable", "light_sweep", "frames", "error_bound"])]
     pub certify: Option<f64>,
     /// With --certify: picture of the error bound of every pixel: .exr or .npy (linear, in all channels), or .png
     #[arg(long, value_name = "FILE", requires = "certify")]
@@ -56,15 +58,18 @@ pub struct RenderArgs {
 /// # Errors
 /// Bad input, a failure of the device or disk, or an interruption between two pictures.
 pub fn run(args: RenderArgs) -> Result<()> {
-    let plan = args.frames.plan(&args.output)?;
+    let mut plan = args.frames.plan(&args.output, args.scene.request.run.json)?;
     if plan.is_none() {
         let hint = "--turntable and --light-sweep make one animated file";
         let animated = is_animation(&args.output);
-        check_output(&args.output, PICTURE_EXTENSIONS)
+        check_output_or_stdout(&args.output, PICTURE_EXTENSIONS, args.scene.request.run.json)
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
     check_error_picture(&args)?;
-    let SceneRequest { settings, run } = args.scene.into_request()?;
+    let SceneRequest { mut settings, run } = args.scene.into_request()?;
+    if let Some(range) = args.frames.frames {
+        settings.read_flags.frame = Some(range.first());
+    }
     let spec = match args.certify {
         None => settings.method_spec(),
         Some(_) => settings.method_spec().enclosing().map_err(|e| e.at("--shadow"))?,
@@ -73,6 +78,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
+    plan.iter_mut().try_for_each(|plan| plan.set_file_frames(volume.provenance.frames))?;
     if args.certify.is_some() {
         certified::check(&scene)?;
     }
@@ -85,8 +91,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let exact = asked.then(|| exact_field((&volume, &tf), strands.as_deref(), &scene)).transpose()?;
     session.load(Arc::clone(&volume), strands)?;
     session.set_transfer(&tf, &mut Work::default())?;
-    let texts = |scene: &Scene| -> Result<Texts> {
+    let texts = |scene: &Scene, position: Option<Position>| -> Result<Texts> {
         let mut resolved = settings.resolved(scene, &tf_source, suiting);
+        if let Some(Position::Frame { frame }) = position {
+            resolved.read_flags.frame = Some(frame);
+        }
         resolved.shadow = Some(spec.clone());
         let certify = args.certify.map(|eta| ("umbravox:certify".to_owned(), eta.to_string()));
         Ok(picture_texts(&adapter, Some(&resolved))?.into_iter().chain(certify).collect())
@@ -103,7 +112,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
             let certified =
                 certified.map(|(field, eta)| certify(&prepared, field, &scene, eta)).transpose()?;
             certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
-            write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene)?)?;
+            write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene, None)?)?;
             if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
                 write_picture(path, &certified.error_pixels())?;
             }
@@ -112,7 +121,18 @@ pub fn run(args: RenderArgs) -> Result<()> {
             Summary { mean_error: mean_error.transpose()?, certificate, ..summary_of(&prepared, &picture) }
         }
         Some(plan) => {
-            let writer = RotationWriter { plan, backdrop, texts: &texts };
+            let later = settings.resolved(&scene, &tf_source, suiting);
+            let at = |session: &mut CachedSession, position: Position| match (plan.frames, position) {
+                (Frames::Rotation(rotation), Position::Angle { angle_deg }) => {
+                    Ok(rotation.rotated(&scene, angle_deg))
+                }
+                (_, Position::Frame { frame }) if Some(frame) != settings.read_flags.frame => {
+                    load_frame(session, &later, frame)
+                }
+                _ => Ok(scene.clone()),
+            };
+            let texts = |scene: &Scene, position| texts(scene, Some(position));
+            let writer = FrameWriter { plan, backdrop, texts: &texts, scene: &at };
             let (first, frames) = writer.write(&mut session, method.as_ref(), &scene, summary_of)?;
             Summary { frames: Some(frames), ..first }
         }
@@ -133,6 +153,16 @@ pub fn run(args: RenderArgs) -> Result<()> {
         print_json(&summary)?;
     }
     Ok(())
+}
+
+/// Puts a frame of a time series into a session, and returns its scene.
+fn load_frame(session: &mut CachedSession, settings: &SceneSettings, frame: usize) -> Result<Scene> {
+    let mut settings = settings.clone();
+    settings.read_flags.frame = Some(frame);
+    let Loaded { volume, strands, tf, scene, .. } = settings.load(&Loading::default())?;
+    session.load(volume, strands)?;
+    session.set_transfer(&tf, &mut Work::default())?;
+    Ok(scene)
 }
 
 /// Refuses a file for the error bounds that cannot be written, or that is the picture itself.

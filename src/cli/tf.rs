@@ -2,14 +2,16 @@
 
 use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
-use crate::files::output::{check_output, write_whole};
-use crate::open::presets::{Found, PRESETS, Scale};
+use crate::files::output::{check_output_or_stdout, write_whole};
+use crate::open::presets::{self, PRESETS, Scale};
+use crate::open::user_presets::{UserPreset, user_presets};
 use crate::transfer::TransferFunction;
 use crate::transfer::formats::{self, Imported, TRANSFER_FORMATS, TransferFormat, has_fractions};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
+use itertools::Itertools as _;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// List transfer-function presets, and convert transfer functions of other programs
 #[derive(Debug, Args)]
@@ -59,7 +61,7 @@ struct ConvertArgs {
 /// Output file and format of a transfer function.
 #[derive(Debug, Args)]
 struct Target {
-    /// Output file of the transfer function: .json, or .vp
+    /// Output file of the transfer function: .json, or .vp; `-` for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Format of the output file [default: vp where its name ends in .vp, umbravox otherwise]
@@ -107,12 +109,23 @@ fn range(text: &str) -> Result<[f64; 2], String> {
 /// Transfer-function preset in the output of `tf list --json`.
 #[derive(Serialize)]
 struct Listed {
-    name: &'static str,
-    /// Units of the preset's scalar values: `HU`, `fraction` or `1/mm`.
-    units: &'static str,
-    about: &'static str,
+    name: String,
+    /// Units of the preset's scalar values: `HU`, `fraction` or `1/mm`, or as the user's file states them.
+    units: String,
+    about: String,
     points: usize,
     reference_length_mm: f64,
+    /// File of a preset of the user.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<String>,
+}
+
+impl Listed {
+    fn of_user(name: String, path: &Path, tf: TransferFunction) -> Self {
+        let TransferFunction { reference_length_mm, points, units, name: about, .. } = tf;
+        let file = Some(path.display().to_string());
+        Self { name, units, about, points: points.len(), reference_length_mm, file }
+    }
 }
 
 /// Output of `tf export --json` and `tf convert --json` about a transfer function that was written to a file.
@@ -135,12 +148,13 @@ pub fn run(args: TfArgs) -> Result<()> {
     match args.command {
         TfCommand::List(args) => list(args.json),
         TfCommand::Export(args) => {
-            let Some(preset) = PRESETS.iter().find(|p| p.name == args.preset) else {
-                let names = PRESETS.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
-                return Err(Error::input("unknown preset", args.preset, "there is none of that name")
-                    .hint(format!("presets: {names}; `tf convert` takes files")));
-            };
-            let (tf, warnings) = Found::Preset(preset).as_it_is();
+            let of_user = user_presets();
+            let mut names = PRESETS.iter().map(|p| p.name).chain(of_user.iter().map(|p| &*p.name));
+            if !names.clone().contains(&&*args.preset) {
+                return Err(Error::input("unknown preset", &args.preset, "there is none of that name")
+                    .hint(format!("presets: {}; `tf convert` takes files", names.join(", "))));
+            }
+            let (tf, warnings) = presets::find(&args.preset)?.as_it_is();
             write(Imported { tf, warnings, format: "preset" }, &args.to)
         }
         TfCommand::Convert(args) => {
@@ -152,7 +166,7 @@ pub fn run(args: TfArgs) -> Result<()> {
 }
 
 fn list(json: bool) -> Result<()> {
-    let listed = PRESETS.iter().map(|preset| {
+    let built_in = PRESETS.iter().map(|preset| {
         let tf = preset.transfer_function();
         let units = match preset.scale {
             Scale::Hounsfield => "HU",
@@ -160,9 +174,16 @@ fn list(json: bool) -> Result<()> {
             Scale::Extinction => "1/mm",
         };
         let TransferFunction { reference_length_mm, points, .. } = tf;
-        Listed { name: preset.name, units, about: preset.about, points: points.len(), reference_length_mm }
+        let (name, units, about) = (preset.name.into(), units.into(), preset.about.into());
+        Listed { name, units, about, points: points.len(), reference_length_mm, file: None }
     });
-    let listed: Vec<Listed> = listed.collect();
+    let mut listed: Vec<Listed> = built_in.collect();
+    for UserPreset { name, path } in user_presets() {
+        match formats::read(&path) {
+            Ok(Imported { tf, .. }) => listed.push(Listed::of_user(name, &path, tf)),
+            Err(error) => print_message("warning", &error),
+        }
+    }
     if json {
         return print_json(&listed);
     }
@@ -184,7 +205,7 @@ fn target(target: &Target) -> Result<&'static TransferFormat> {
 
 fn check(target: &Target, format: &TransferFormat) -> Result<()> {
     let endings: &[&str] = if format.name == "vp" { &["vp"] } else { &["json"] };
-    check_output(&target.output, endings)
+    check_output_or_stdout(&target.output, endings, target.json)
 }
 
 /// Writes a transfer function to a file, with a warning for each property that the file format cannot store.

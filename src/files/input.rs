@@ -18,15 +18,21 @@ pub fn says_lps(beginning: &[u8]) -> bool {
     beginning[..beginning.len().min(SPACE_WITHIN)].windows(MARK.len()).any(|bytes| bytes == MARK)
 }
 
-/// Reads a UTF-8 text file; `what` is the beginning of the error message, e.g. `cannot read scene file`.
+/// Name that stands for standard input or standard output instead of a file.
+pub const STANDARD_STREAM: &str = "-";
+
+/// Reads a UTF-8 text file, or standard input for `-`; `what` is the beginning of the error message, e.g. `cannot read scene file`.
 ///
 /// # Errors
 /// The file cannot be read, is not UTF-8 or is larger than 256 MiB.
 pub fn read_text(path: &Path, what: &str) -> Result<String> {
     let refuse = |why: String| Error::input(what, path.display(), why);
-    let file = File::open(path).map_err(|e| refuse(e.to_string()))?;
+    let source: Box<dyn Read> = match path == Path::new(STANDARD_STREAM) {
+        true => Box::new(std::io::stdin()),
+        false => Box::new(File::open(path).map_err(|e| refuse(e.to_string()))?),
+    };
     let mut bytes = Vec::new();
-    file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(|e| refuse(e.to_string()))?;
+    source.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(|e| refuse(e.to_string()))?;
     if bytes.len() as u64 > MAX_TEXT_BYTES {
         return Err(refuse("it is larger than 256 MiB".into()));
     }

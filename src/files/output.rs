@@ -1,5 +1,6 @@
 //! Writes output files that appear only when they are complete, and validates output paths before any work starts.
 
+use super::input::STANDARD_STREAM;
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -33,12 +34,26 @@ pub fn abandon_and(end: fn() -> !) -> ! {
     end()
 }
 
+/// Whether an output is standard output instead of a file: `-`.
+pub fn is_stdout(path: &Path) -> bool {
+    path == Path::new(STANDARD_STREAM)
+}
+
 /// Writes a file that appears only when it is complete: into a temporary file in the same folder, which is then
-/// renamed.
+/// renamed. Output to `-` goes to standard output; a reader that has closed it is no error.
 ///
 /// # Errors
 /// `write` fails, the folder is not writable, or writing to the disk fails.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    if is_stdout(path) {
+        let mut bytes = Vec::new();
+        write(&mut bytes).map_err(|e| failed(path, e))?;
+        let mut stdout = io::stdout().lock();
+        return match stdout.write_all(&bytes).and_then(|()| stdout.flush()) {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(failed(path, e)),
+            _ => Ok(()),
+        };
+    }
     let (whole, file) = WholeFile::begin(path)?;
     let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(|e| failed(path, e))?;
@@ -116,6 +131,27 @@ pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
     temporary_in(&folder)
         .map_err(|e| refuse(format!("the folder `{}` cannot be written to: {e}", folder.display())))?;
     Ok(())
+}
+
+/// Validates an output as [`check_output`] does, and allows `-` for standard output in the first of the formats.
+/// `prints_json`: a result in JSON goes there already.
+///
+/// # Errors
+/// See [`check_output`]; or two results for standard output.
+pub fn check_output_or_stdout(path: &Path, extensions: &[&'static str], prints_json: bool) -> Result<()> {
+    match (is_stdout(path), prints_json) {
+        (false, _) => check_output(path, extensions),
+        (true, false) => Ok(()),
+        (true, true) => Err(Error::input(WHAT, "--output -", "--json goes to standard output, too")),
+    }
+}
+
+/// Returns the extension of a file name as [`extension`] does, or the first one for standard output (`-`).
+///
+/// # Errors
+/// See [`extension`].
+pub fn extension_or_first(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
+    extensions.first().copied().filter(|_| is_stdout(path)).map_or_else(|| extension(path, extensions), Ok)
 }
 
 /// Validates the path of an output folder: neither it nor a folder above it may be a file. Creates nothing.

@@ -1,7 +1,7 @@
 //! Writes and reads image files: PNG, OpenEXR and NPY.
 
 use super::color::srgb8_from_linear;
-use super::output::{extension, write_whole};
+use super::output::{extension_or_first, write_whole};
 use crate::error::{Error, Result};
 use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
@@ -58,7 +58,7 @@ pub fn write_picture_with(
     assert_eq!(picture.dim().2, 4, "a picture is height x width x 4");
     // The encoders need a seekable output, so pictures are encoded in memory.
     let mut bytes = Vec::new();
-    let encoded = match extension(path, PICTURE_EXTENSIONS)? {
+    let encoded = match extension_or_first(path, PICTURE_EXTENSIONS)? {
         "png" => {
             bytes = png(picture, backdrop, texts)?;
             Ok(())

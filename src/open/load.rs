@@ -86,7 +86,7 @@ impl SceneSettings {
     /// # Errors
     /// A transfer function cannot be found or read, or settings contradict each other.
     pub fn functions(&self, is_labelled: bool) -> Result<Functions> {
-        let found = |tf: &String| Ok((tf.clone(), presets::find(tf)?));
+        let found = |tf: &String| Ok((presets::located(tf), presets::find(tf)?));
         let whole = self.tf.as_ref().map(found).transpose()?;
         let of_labels = self.masking.find(is_labelled)?;
         self.check_lights()?;

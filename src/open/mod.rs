@@ -16,6 +16,7 @@ mod scene_file;
 pub mod settings;
 mod strands;
 pub mod units;
+pub mod user_presets;
 pub mod values;
 mod view;
 

@@ -3,7 +3,9 @@
 use crate::common;
 use crate::program::{refused, umbravox};
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
+use std::process::{Command, Stdio};
 use umbravox::transfer::TransferFunction;
 use umbravox::transfer::presets::PRESETS;
 
@@ -203,4 +205,52 @@ fn real_scans_are_taken_for_what_they_are() {
         let (_, err) = depth(dir.path(), &[path]);
         assert!(!err.contains("times as high"), "{name}: {err}");
     }
+}
+
+/// Runs the program with a configuration folder and standard input, and returns status, stdout and stderr.
+fn with_input(folder: &Path, input: &str, args: &[&str]) -> (bool, String, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
+        .args(args)
+        .current_dir(folder)
+        .env("XDG_CONFIG_HOME", folder.join("config"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    (output.status.success(), out, err)
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn presets_of_the_user_are_found_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let presets = dir.path().join("config/umbravox/presets");
+    fs::create_dir_all(&presets).unwrap();
+    fs::write(presets.join("mine.vp"), VP).unwrap();
+    // A built-in preset keeps its name.
+    fs::write(presets.join("bone.vp"), VP).unwrap();
+    fs::write(presets.join("broken.json"), "{").unwrap();
+    let (ok, listed, warning) = with_input(dir.path(), "", &["tf", "list", "--json"]);
+    assert!(ok && warning.contains("broken.json"), "{warning}");
+    let listed: Vec<serde_json::Value> = serde_json::from_str(&listed).unwrap();
+    assert_eq!((listed.len(), &listed[PRESETS.len()]["name"]), (PRESETS.len() + 1, &"mine".into()));
+    assert!(listed[PRESETS.len()]["file"].as_str().unwrap().ends_with("presets/mine.vp"));
+    let (ok, exported, _) = with_input(dir.path(), "", &["tf", "export", "mine", "-o", "-"]);
+    let (converted_ok, converted, _) = with_input(dir.path(), VP, &["tf", "convert", "-", "-o", "-"]);
+    assert!(ok && converted_ok);
+    let [exported, converted] = [exported, converted].map(|text| TransferFunction::from_json(&text).unwrap());
+    assert_eq!(exported.points, converted.points);
+    let rays = "-500 1 2 500 2 1\n";
+    let depth_of =
+        |tf: &str| with_input(dir.path(), rays, &["probe", "phantom:sphere:16", "--tf", tf, "--rays", "-"]);
+    let (named, file) = (depth_of("mine"), depth_of(presets.join("mine.vp").to_str().unwrap()));
+    assert!(named.0 && named.1 == file.1, "{named:?} {file:?}");
+    let (ok, _, error) = with_input(dir.path(), "", &["tf", "export", "yours", "-o", "-"]);
+    assert!(!ok && error.contains("mine"), "{error}");
+    let (ok, _, error) = with_input(dir.path(), "", &["tf", "export", "mine", "-o", "-", "--json"]);
+    assert!(!ok && error.contains("--json goes to standard output"), "{error}");
 }
