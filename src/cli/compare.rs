@@ -210,13 +210,14 @@ fn write_pages(
             rows.iter().any(|row| row.has_failed() && row.scene == run.scenes[i].name && is_of(row))
         };
         let all = parse_distinct(&run.methods)?.into_iter().zip(here);
-        let methods = all.filter(|(method, here)| *here && !failed(method.as_ref())).map(|(method, _)| method);
+        let methods =
+            all.filter(|(method, here)| *here && !failed(method.as_ref())).map(|(method, _)| method);
         let methods = page_methods(methods.collect())?;
         if methods.is_empty() {
             continue;
         }
         let loaded = scene.settings.load(&Loading::default())?;
-        let page = scene_page(&scene.settings, &loaded, &methods, Gpu::open(adapter)?)?;
+        let page = scene_page(&scene.settings, &loaded, &methods, adapter)?;
         let path = folder.join(run.page_name(i));
         write_whole(&path, |file| file.write_all(page.html.as_bytes()))?;
         print_message("page", &path.display());

@@ -4,6 +4,7 @@ use super::console::{load_scene, print_json, print_message, progress_bar};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
+use crate::field::Optimization;
 use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::comparison::Compared;
@@ -13,7 +14,7 @@ use crate::measure::picture_errors::picture_errors;
 use crate::measure::progress::Progress;
 use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
 use crate::page::{PageTexts, html, page_data};
-use crate::render::{Renderer, Session};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::report::make::scene_name;
 use crate::scene::LightSource;
 use crate::shadow::{Method, parse_distinct};
@@ -52,7 +53,7 @@ pub fn run(args: ExportArgs) -> Result<()> {
     let SceneRequest { settings, run } = args.scene.into_request()?;
     check_embedded(&settings, args.embed_volume)?;
     let loaded = load_scene(&settings)?;
-    let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, Gpu::open(run.adapter.as_deref())?)?;
+    let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, run.adapter.as_deref())?;
     write_whole(&args.output, |file| file.write_all(page.as_bytes()))?;
     if run.explain {
         rows.iter().flat_map(|row| &row.left_out).for_each(|omission| print_message("plan", omission));
@@ -88,16 +89,21 @@ pub fn scene_page(
     settings: &SceneSettings,
     loaded: &Loaded,
     methods: &[Box<dyn Method>],
-    mut gpu: Gpu,
+    adapter: Option<&str>,
 ) -> Result<Page> {
-    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter.
-    gpu.tuning = Tuning::CARD;
-    let renderer = Arc::new(Renderer::new(gpu));
-    let session =
-        Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, settings.disabled_optimizations())?
-            .with_strands(loaded.strands.clone());
-    let rows = measured(&session, methods, loaded)?;
-    let data = page_data(&session, methods, &loaded.scene)?;
+    let disabled = settings.disabled_optimizations();
+    let session = |tuning: Option<Tuning>, disabled| {
+        let mut gpu = Gpu::open(adapter)?;
+        gpu.tuning = tuning.unwrap_or(gpu.tuning);
+        let renderer = Arc::new(Renderer::new(gpu));
+        let session = Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, disabled)?;
+        Ok(session.with_strands(loaded.strands.clone()))
+    };
+    let rows = measured(&session(None, disabled)?, methods, loaded)?;
+    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter. A map
+    // with all tiles can be built for every light.
+    let disabled = disabled.and(DisabledOptimizations::only(Optimization::Tiles));
+    let data = page_data(&session(Some(Tuning::CARD), disabled)?, methods, &loaded.scene)?;
     Ok(Page { html: html(&texts(settings, loaded), &rows, &data)?, rows })
 }
 
@@ -110,11 +116,14 @@ pub fn check_embedded(settings: &SceneSettings, is_allowed: bool) -> Result<()> 
     let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
     let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
     match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {
-        Some(file) if !is_allowed => {
-            Err(Error::input("cannot write page", file, "the page would hold the data of this file").hint(
-                "--embed-volume puts them into the page, for everybody who has it; --downsample makes it smaller",
-            ))
-        }
+        Some(file) if !is_allowed => Err(Error::input(
+            "cannot write page",
+            file,
+            "the page would hold the data of this file",
+        )
+        .hint(
+            "--embed-volume puts them into the page, for everybody who has it; --downsample makes it smaller",
+        )),
         _ => Ok(()),
     }
 }

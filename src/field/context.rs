@@ -2,7 +2,9 @@
 
 use super::shader::shape_of;
 use super::tile_pace::Batch;
-use super::{DeferredPasses, DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View};
+use super::{
+    BuildRecorder, DeferredPasses, DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View,
+};
 use crate::error::{Error, Result};
 use crate::gpu::tuning::MAX_LIGHT_SAMPLES;
 use crate::gpu::{DevicePass, Gpu, Group, Kernels, Read, ShaderVariant, Slot, Span, uniform_buffer};
@@ -34,6 +36,8 @@ pub struct BuildContext<'a> {
     pub view: Option<&'a View>,
     /// Passes that wait for the submission of the picture; `None` if passes run at once.
     pub deferred: Option<&'a DeferredPasses>,
+    /// Recorder of the passes, for another program; `None` if they only run.
+    pub recorder: Option<&'a BuildRecorder>,
 }
 
 /// List of shadow-map tiles (or blocks of nodes) on the device, over which a compute pass runs.
@@ -119,6 +123,7 @@ impl BuildContext<'_> {
         workgroups: [u32; 3],
     ) -> Result<Span> {
         let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        self.record(variant, [shadow, stage], workgroups);
         let groups = &[self.transfer.group(), shadow, stage];
         let pass = DevicePass { variant, groups, workgroups };
         Ok(self.kernels.run(label, &[pass], &[])?.0)
@@ -147,6 +152,10 @@ impl BuildContext<'_> {
             let stage = self.kernels.group(label, &[&[entries][..], stage].concat());
             (stage, shape_of(batch.count() * list.workgroups))
         };
+        if self.recorder.is_some() {
+            let (stage, workgroups) = over(Batch::all(list.count));
+            self.record(variant, [shadow, &stage], workgroups);
+        }
         let share = self.pace.share(label, list.count);
         let fits = |deferred: &&DeferredPasses| deferred.share() + share <= MOST_DEFERRED;
         if let Some(deferred) = self.deferred.filter(fits) {
@@ -183,6 +192,7 @@ impl BuildContext<'_> {
         read: Read<'_>,
         is_deferred: bool,
     ) -> Result<(Span, Option<Vec<u32>>)> {
+        passes.iter().for_each(|(variant, workgroups)| self.record(variant, [shadow, stage], *workgroups));
         let groups = &[self.transfer.group(), shadow, stage];
         let pass = |&(variant, workgroups)| DevicePass { variant, groups, workgroups };
         let passes: Vec<_> = passes.iter().map(pass).collect();
@@ -194,6 +204,13 @@ impl BuildContext<'_> {
         self.wait_until_idle();
         let (span, reads) = self.kernels.submit(vec![recorded])?.into_iter().next().unwrap_or_default();
         Ok((span, reads.into_iter().next()))
+    }
+
+    /// Records a pass for another program, if the build is recorded. `shadow` and `stage` are bind groups 1 and 2.
+    fn record(&self, variant: &ShaderVariant, [shadow, stage]: [&Group; 2], workgroups: [u32; 3]) {
+        if let Some(recorder) = self.recorder {
+            recorder.push(variant, [self.transfer.group(), shadow, stage], workgroups);
+        }
     }
 
     /// Returns the duration of a deferred pass before it has run.

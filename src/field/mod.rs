@@ -5,6 +5,7 @@
 mod active_bricks;
 mod brick_distances;
 mod brick_runs;
+mod build_recorder;
 mod constants;
 mod context;
 mod deferred;
@@ -27,6 +28,7 @@ mod view;
 
 pub use active_bricks::{ActiveBricks, extinction_intervals};
 pub use brick_runs::{BrickHull, BrickRun};
+pub use build_recorder::{BuildLimit, BuildPass, BuildRecorder, RecordedBuild};
 pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::{BuildContext, TileList};
 pub use deferred::{DeferredPasses, DeferredResult};

@@ -25,6 +25,14 @@ pub struct NodePoolSizes {
     pub quads: f64,
 }
 
+impl NodePoolSizes {
+    /// Returns the sizes multiplied by a factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { overflow_rows: factor * self.overflow_rows, quads: factor * self.quads }
+    }
+}
+
 /// Sizes of the memory pools for curve nodes in the last builds of deep shadow maps, for each text of the method's
 /// settings, and textures of maps that no longer exist. Sizes are relative to the size of the shadow map, so that they
 /// can be used for other map sizes.

@@ -97,6 +97,11 @@ pub enum Resource {
 }
 
 impl Resource {
+    /// Returns the handle of a whole buffer.
+    pub fn whole(buffer: &wgpu::Buffer) -> Self {
+        Self::Buffer { buffer: buffer.clone(), offset: 0, size: buffer.size() }
+    }
+
     /// Returns the handle of a bound resource. Texture arrays and other resources that no [`Slot`] creates are samplers
     /// here.
     fn of(bound: &wgpu::BindingResource<'_>) -> Self {
@@ -139,6 +144,17 @@ impl Group {
         let group = gpu.device.create_bind_group(&descriptor);
         let resources = entries.iter().map(|entry| Resource::of(&entry.resource)).collect();
         Self { layout, group, kinds, resources }
+    }
+
+    /// Returns the resources of the bind group that shaders write.
+    pub fn written(&self) -> impl Iterator<Item = &Resource> {
+        use wgpu::{BindingType, BufferBindingType};
+        let is_written = |entry: &wgpu::BindGroupLayoutEntry| match entry.ty {
+            BindingType::Buffer { ty, .. } => ty == BufferBindingType::Storage { read_only: false },
+            BindingType::StorageTexture { .. } => true,
+            _ => false,
+        };
+        self.entries().filter(move |(entry, _)| is_written(entry)).map(|(_, resource)| resource)
     }
 
     /// Returns the resources of the bind group, each with its entry in the layout.

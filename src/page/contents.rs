@@ -13,9 +13,22 @@ const ALIGNMENT: usize = 16;
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum ResourceRecord {
-    Buffer { at: Option<usize>, size: usize },
-    Texture { at: Option<usize>, size: [u32; 3], format: String, dimension: &'static str, bytes_per_row: u32 },
-    Sampler { filter: &'static str },
+    Buffer {
+        at: Option<usize>,
+        size: usize,
+    },
+    Texture {
+        at: Option<usize>,
+        size: [u32; 3],
+        format: String,
+        dimension: &'static str,
+        bytes_per_row: u32,
+        /// Whether a shader writes the texture.
+        stored: bool,
+    },
+    Sampler {
+        filter: &'static str,
+    },
 }
 
 /// Entry of a bind group layout, in the form of `GPUBindGroupLayoutEntry` without its visibility.
@@ -23,7 +36,7 @@ enum ResourceRecord {
 struct LayoutEntry {
     binding: u32,
     #[serde(flatten)]
-    kind: BTreeMap<&'static str, BTreeMap<&'static str, &'static str>>,
+    kind: BTreeMap<&'static str, BTreeMap<&'static str, String>>,
 }
 
 /// Bind group of a page: index of its layout, and pairs of `@binding` number and index of the resource.
@@ -48,6 +61,9 @@ pub(super) struct Contents<'a> {
     /// Handles of the resources, in the order of their records.
     #[serde(skip)]
     handles: Vec<(Resource, bool)>,
+    /// Resources that shaders write, and whether the page holds their contents. Without, they hold zeros at first.
+    #[serde(skip)]
+    written: Vec<(Resource, bool)>,
     /// Bytes of all resources.
     #[serde(skip)]
     pub bytes: Vec<u8>,
@@ -62,11 +78,12 @@ pub(super) struct Contents<'a> {
 
 impl<'a> Contents<'a> {
     pub fn new(kernels: &'a Kernels) -> Self {
-        let (resources, handles, bytes) = (Vec::new(), Vec::new(), Vec::new());
+        let (resources, handles, bytes, written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (layouts, groups, shaders, pipelines) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self {
             kernels,
             handles,
+            written,
             bytes,
             filters_float32: false,
             resources,
@@ -77,10 +94,22 @@ impl<'a> Contents<'a> {
         }
     }
 
+    /// Adds a resource that shaders write, before the first bind group that has it. `is_kept`: the page holds its contents.
+    pub fn add_written(&mut self, resource: &Resource, is_kept: bool) {
+        if self.written.iter().all(|(known, _)| known != resource) {
+            self.written.push((resource.clone(), is_kept));
+        }
+    }
+
+    /// Returns the index of a resource that some bind group of the page has.
+    pub fn known(&self, resource: &Resource) -> Option<usize> {
+        self.handles.iter().position(|(known, _)| known == resource)
+    }
+
     /// Returns the index of the layout of a bind group.
     ///
     /// # Errors
-    /// The bind group has a storage texture, which no picture needs.
+    /// A binding has a type that no shader of this program has.
     pub fn layout(&mut self, group: &Group) -> Result<usize> {
         let entries = group.entries().map(|(entry, _)| layout_entry(entry)).collect::<Result<Vec<_>>>()?;
         Ok(index_of(&mut self.layouts, entries))
@@ -89,7 +118,7 @@ impl<'a> Contents<'a> {
     /// Returns the index of a bind group, whose resources are stored with their contents.
     ///
     /// # Errors
-    /// The device is lost, or the bind group has a storage texture.
+    /// The device is lost.
     pub fn group(&mut self, group: &Group) -> Result<usize> {
         let layout = self.layout(group)?;
         let mut entries = Vec::with_capacity(group.entries().len());
@@ -111,10 +140,15 @@ impl<'a> Contents<'a> {
         if let Some(known) = self.handles.iter().position(|known| *known == handle) {
             return Ok(known);
         }
-        let bytes = resource.contents(self.kernels.gpu())?;
-        let at = self.push(&bytes);
+        let written = self.written.iter().find(|(written, _)| written == resource).map(|(_, kept)| *kept);
+        let at = match written {
+            Some(false) => None,
+            _ => self.push(&resource.contents(self.kernels.gpu())?),
+        };
         let record = match resource {
-            Resource::Buffer { .. } => ResourceRecord::Buffer { at, size: bytes.len() },
+            Resource::Buffer { size, .. } => {
+                ResourceRecord::Buffer { at, size: (*size as usize).next_multiple_of(4) }
+            }
             Resource::Sampler => {
                 ResourceRecord::Sampler { filter: if filters { "linear" } else { "nearest" } }
             }
@@ -124,10 +158,10 @@ impl<'a> Contents<'a> {
                 ResourceRecord::Texture {
                     at,
                     size: [width, height, depth_or_array_layers],
-                    // WebGPU names the formats of its core like wgpu, in lower case.
-                    format: format!("{:?}", texture.format()).to_lowercase(),
+                    format: name_of(texture.format()),
                     dimension: if solid { "3d" } else { "2d" },
                     bytes_per_row: width * texture.format().block_copy_size(None).unwrap_or(0),
+                    stored: written.is_some(),
                 }
             }
         };
@@ -177,6 +211,18 @@ pub(super) struct UniformRecord {
     offsets: BTreeMap<String, usize>,
 }
 
+impl UniformRecord {
+    /// Returns the offset of a member, bytes; `None` if there is no such member.
+    pub fn offset(&self, member: &str) -> Option<usize> {
+        self.offsets.get(member).copied()
+    }
+}
+
+/// Returns the name of a texture format in WebGPU, which names the formats of its core like wgpu, in lower case.
+fn name_of(format: wgpu::TextureFormat) -> String {
+    format!("{format:?}").to_lowercase()
+}
+
 /// Whether a shader filters a texture of 32-bit floats.
 fn filters_float32(entry: &wgpu::BindGroupLayoutEntry, resource: &Resource) -> bool {
     use wgpu::{BindingType::Texture, TextureFormat, TextureSampleType::Float};
@@ -204,7 +250,7 @@ fn layout_entry(entry: &wgpu::BindGroupLayoutEntry) -> Result<LayoutEntry> {
                 BufferBindingType::Storage { read_only: true } => "read-only-storage",
                 BufferBindingType::Storage { read_only: false } => "storage",
             };
-            ("buffer", vec![("type", name)])
+            ("buffer", vec![("type", name.to_owned())])
         }
         BindingType::Texture {
             sample_type,
@@ -219,10 +265,15 @@ fn layout_entry(entry: &wgpu::BindGroupLayoutEntry) -> Result<LayoutEntry> {
                 TextureSampleType::Uint => "uint",
             };
             let dimension = if view_dimension == TextureViewDimension::D3 { "3d" } else { "2d" };
-            ("texture", vec![("sampleType", name), ("viewDimension", dimension)])
+            ("texture", vec![("sampleType", name.to_owned()), ("viewDimension", dimension.to_owned())])
         }
-        BindingType::Sampler(SamplerBindingType::Filtering) => ("sampler", vec![("type", "filtering")]),
-        BindingType::Sampler(_) => ("sampler", vec![("type", "non-filtering")]),
+        BindingType::StorageTexture { format, view_dimension: TextureViewDimension::D2, .. } => {
+            ("storageTexture", vec![("access", "write-only".to_owned()), ("format", name_of(format))])
+        }
+        BindingType::Sampler(SamplerBindingType::Filtering) => {
+            ("sampler", vec![("type", "filtering".to_owned())])
+        }
+        BindingType::Sampler(_) => ("sampler", vec![("type", "non-filtering".to_owned())]),
         other => {
             let why = format!("binding {} is {other:?}", entry.binding);
             return Err(Error::runtime("cannot write page", "bind group", why));

@@ -62,8 +62,8 @@ fn controls() -> Markup {
     let keys = [
         ("drag or arrows", "turn the camera"),
         ("wheel", "distance"),
-        ("Shift + drag", "move the first directional light (methods without a map)"),
-        ("+ -", "extinction of the transfer function (methods without a map)"),
+        ("Shift + drag", "move the first directional light"),
+        ("+ -", "extinction of the transfer function"),
         ("1 to 9", "method"),
         ("D", "difference from the reference"),
         ("R", "initial view and light"),

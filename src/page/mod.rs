@@ -3,15 +3,17 @@
 //! The page holds what the device holds: volume, lookup tables, shadow maps and composed shaders. Its script writes the
 //! uniforms of camera and light, and runs the passes of [`PortablePicture`].
 
+mod build;
 mod contents;
 mod html;
 
 use crate::error::{Error, Result};
-use crate::field::{FAR, grid_from_world};
+use crate::field::{FAR, RecordedBuild, grid_from_world};
 use crate::render::{PortablePicture, Session};
 use crate::scene::{Light, Scene};
 use crate::shadow::{Lookup, Method, ShadowMap};
 use crate::volume::BRICK_CELLS;
+use build::{BuildRecord, map_record, recorded_maps};
 use contents::{Contents, UniformRecord};
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -38,6 +40,8 @@ struct SpaceRecord {
     grid_from_world: [f64; 12],
     world_from_grid: [f64; 12],
     volume_center: [f64; 3],
+    /// Corners of the convex hulls of all slices of active bricks in grid space, which a shadow map covers.
+    hull: Vec<[f64; 3]>,
     min_spacing_mm: f64,
     /// Corners of the box of active bricks (blocks of cells with extinction) in grid space, or of the volume if none is
     /// active.
@@ -77,8 +81,10 @@ struct PassRecord {
 #[derive(Debug, Serialize)]
 struct MethodRecord {
     label: String,
-    /// Whether the method has no shadow map, so that its light can be moved.
+    /// Whether the page draws the method under other lights: it has no shadow map, or the page builds its maps.
     follows_light: bool,
+    /// Passes that build the shadow map of each light; empty if the page cannot build them.
+    builds: Vec<BuildRecord>,
     /// Whether the method is the reference of difference pictures.
     is_reference: bool,
     /// Bind groups 0, 2 and 3. The page replaces bindings 0 to 3 of group 2.
@@ -116,9 +122,9 @@ pub fn page_data(session: &Session, methods: &[Box<dyn Method>], scene: &Scene) 
     let mut contents = Contents::new(renderer.kernels());
     let (mut records, mut pictures) = (Vec::new(), Vec::new());
     for method in methods {
-        let maps = renderer.shadows_in(loaded, transfer, method.as_ref(), scene, None)?;
+        let (maps, builds) = recorded_maps(session, method.as_ref(), scene)?;
         let picture = renderer.portable(loaded, transfer, &maps, scene)?;
-        records.push(method_record(&mut contents, method.as_ref(), &picture, &maps)?);
+        records.push(method_record(&mut contents, method.as_ref(), &picture, (&maps, builds))?);
         pictures.push(picture);
     }
     let toward = |light: Light| match light {
@@ -178,15 +184,23 @@ fn method_record(
     contents: &mut Contents<'_>,
     method: &dyn Method,
     picture: &PortablePicture,
-    maps: &[ShadowMap],
+    (maps, builds): (&[ShadowMap], Option<Vec<RecordedBuild>>),
 ) -> Result<MethodRecord> {
     let PortablePicture { field, stage, mesh, .. } = picture;
     let groups = |shadow| [field, shadow, stage].into_iter().chain(mesh).collect::<Vec<_>>();
-    let mut passes = Vec::new();
-    for pass in &picture.passes {
+    let (mut passes, mut build_records) = (Vec::new(), Vec::new());
+    for (i, pass) in picture.passes.iter().enumerate() {
+        let shadow = match builds.as_ref().and_then(|builds| builds.get(i)) {
+            None => contents.group(&pass.shadow)?,
+            Some(build) => {
+                let (group, record) = map_record(contents, build, (&pass.shadow, &pass.shader))?;
+                build_records.push(record);
+                group
+            }
+        };
         passes.push(PassRecord {
             pipeline: contents.pipeline(&pass.shader, &groups(&pass.shadow))?,
-            shadow: contents.group(&pass.shadow)?,
+            shadow,
             frame: pass.frame.clone(),
             resumable: pass.resumable,
         });
@@ -203,7 +217,8 @@ fn method_record(
     let has_no_map = |map: &ShadowMap| map.group.entries().len() == 1;
     Ok(MethodRecord {
         label: method.spec().to_string(),
-        follows_light: maps.iter().all(has_no_map),
+        follows_light: builds.is_some() || maps.iter().all(has_no_map),
+        builds: build_records,
         is_reference: maps.iter().all(|map| has_no_map(map) && is_ray(map)),
         field: contents.group(field)?,
         stage: contents.group(stage)?,
@@ -221,12 +236,15 @@ fn space_record(session: &Session) -> SpaceRecord {
     let dims = volume.dims();
     let active = session.transfer.active.index_box(dims);
     let whole = [DVec3::splat(-0.5), DVec3::from(dims.map(|n| n as f64 - 0.5))];
+    let active = active.unwrap_or(whole).map(|index| index + 1.0);
+    let hull = session.transfer.active.hull(dims).map_or(&active[..], |hull| &hull.corners);
     SpaceRecord {
         grid_from_world: grid_from_world.to_cols_array(),
         world_from_grid: grid_from_world.inverse().to_cols_array(),
         volume_center: (corners.iter().sum::<DVec3>() / 8.0).to_array(),
         min_spacing_mm: volume.min_spacing_mm(),
-        active: active.unwrap_or(whole).map(|index| (index + 1.0).to_array()),
+        hull: hull.iter().map(DVec3::to_array).collect(),
+        active: active.map(|corner| corner.to_array()),
         brick_cells: BRICK_CELLS,
         far: FAR,
     }

@@ -22,6 +22,16 @@ function axesOf({ eye, target, up }) {
   return { right, up: cross(right, forward), forward };
 }
 
+// Unit vector across a unit vector (Duff et al. 2017), as the program chooses the first axis of a shadow map.
+function orthonormal([x, y, z]) {
+  const sign = z < 0 || Object.is(z, -0) ? -1 : 1;
+  const a = -1 / (sign + z);
+  return [x * y * a, sign + y * y * a, -y];
+}
+
+// Error of a shadow map that is larger than its memory.
+class TooLarge extends Error {}
+
 // Uniform whose members are written by name.
 class Uniform {
   constructor({ size, offsets }, bytes) {
@@ -84,7 +94,8 @@ class Renderer {
     }));
     this.resources = contents.resources.map((resource) => this.create(resource));
     this.pipelines = new Map();
-    this.uniformBuffers = new Map();
+    // Methods whose shadow maps are those of another light or extinction.
+    this.outdated = new Set();
     // Rows of tiles in a submission; follows the speed of the device.
     this.band = 8;
   }
@@ -95,15 +106,18 @@ class Renderer {
   }
 
   create(resource) {
-    const { kind, size, format, dimension, bytes_per_row, filter } = resource;
+    const { kind, size, format, dimension, bytes_per_row, filter, stored } = resource;
     if (kind === "sampler") return { sampler: this.device.createSampler({ magFilter: filter, minFilter: filter }) };
     if (kind === "buffer") {
       const buffer = this.buffer(size);
       if (resource.at !== null) this.device.queue.writeBuffer(buffer, 0, this.contentsOf(resource));
       return { buffer };
     }
-    const usage = GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST;
+    const { TEXTURE_BINDING, STORAGE_BINDING, COPY_DST } = GPUTextureUsage;
+    const usage = TEXTURE_BINDING | COPY_DST | (stored ? STORAGE_BINDING : 0);
     const texture = this.device.createTexture({ size, format, dimension, usage });
+    // New textures hold zeros.
+    if (resource.at === null) return { texture, view: texture.createView() };
     const layout = { bytesPerRow: bytes_per_row, rowsPerImage: size[1] };
     this.device.queue.writeTexture({ texture }, this.contentsOf(resource), layout, size);
     return { texture, view: texture.createView() };
@@ -214,7 +228,20 @@ class Renderer {
     return bytes[(brick[2] * record.size[1] + brick[1]) * record.bytes_per_row + brick[0]] <= 1;
   }
 
-  // Moves a directional light of the methods without shadow maps; `toward` points to the light.
+  // Sets the direction to a directional light (undefined: the light stays) and the factor of extinction. Methods with shadow
+  // maps then build them again.
+  setScene(number, toward, extinction) {
+    const scene = [toward, extinction].join();
+    if (scene === this.scene) return;
+    if (this.scene !== undefined) {
+      if (toward) this.moveLight(number, toward);
+      this.scaleExtinction(extinction);
+      this.outdated = new Set(this.record.methods.filter(({ builds }) => builds.length > 0));
+    }
+    this.scene = scene;
+  }
+
+  // Writes the projections of a directional light; `toward` points to the light.
   moveLight(number, toward) {
     const { space, uniforms, methods } = this.record;
     if (!uniforms.light) return;
@@ -222,15 +249,20 @@ class Renderer {
       transformPoint(space.world_from_grid, [0, 1, 2].map((axis) => space.active[(i >> axis) & 1][axis])));
     const center = scaled(corners.reduce(add), 1 / 8);
     const h = scaled(unit(toward), -1);
-    const least = h.map(Math.abs).indexOf(Math.min(...h.map(Math.abs)));
-    const a = unit(cross(h, [0, 1, 2].map((axis) => (axis === least ? 1 : 0))));
+    const a = orthonormal(h);
     const b = cross(h, a);
     const depths = corners.map((corner) => dot(h, sub(corner, center)));
+    const range = Math.max(Math.max(...depths) - Math.min(...depths), 1e-9);
     const origin = sub(column(space.world_from_grid, 3), center);
-    for (const { follows_light, passes } of methods) {
+    for (const { follows_light, passes, builds } of methods) {
       if (!follows_light || !passes[number]) continue;
       const { buffer, bytes } = this.bound(passes[number].shadow, 0);
       const light = new Uniform(uniforms.light, bytes);
+      const build = builds[number];
+      if (build) {
+        this.scaleLengths(build, range / light.view.getFloat32(light.offsets.depth_range_mm, true));
+        this.layOut(light, [a, b], center);
+      }
       [["a", a], ["b", b], ["h", h]].forEach(([name, axis]) => {
         const row = [0, 1, 2].map((i) => dot(axis, column(space.world_from_grid, i)));
         light.floats(`frame_from_grid_${name}`, row, dot(axis, origin));
@@ -238,9 +270,55 @@ class Renderer {
       });
       light.floats("grid_origin", transformPoint(space.grid_from_world, center));
       light.floats("depth_start_mm", Math.min(...depths));
-      light.floats("depth_range_mm", Math.max(Math.max(...depths) - Math.min(...depths), 1e-9));
+      light.floats("depth_range_mm", range);
       this.device.queue.writeBuffer(buffer, 0, light.bytes);
     }
+  }
+
+  // Lays the texels of a shadow map over the active bricks, with a border of one texel.
+  layOut(light, axes, center) {
+    const { world_from_grid, hull } = this.record.space;
+    const points = hull.map((corner) => sub(transformPoint(world_from_grid, corner), center));
+    const side = light.view.getUint32(light.offsets.map_size, true);
+    const border = side < 8 ? 0 : 1;
+    const layouts = axes.map((axis) => {
+      const places = points.map((point) => dot(axis, point));
+      const low = places.reduce((least, x) => Math.min(least, x));
+      const scale = (side - 2 * border) / Math.max(places.reduce((most, x) => Math.max(most, x)) - low, 1e-9);
+      return { scale, offset: border - 0.5 - low * scale };
+    });
+    light.floats("texel_scale", layouts.map(({ scale }) => scale));
+    light.floats("texel_offset", layouts.map(({ offset }) => offset));
+    light.floats("texel_mm", Math.max(...layouts.map(({ scale }) => 1 / scale)));
+  }
+
+  // Multiplies the initial lengths of a build that depend on the depth range of its map.
+  scaleLengths({ lengths }, factor) {
+    for (const { resource, offset, power } of lengths) {
+      const initial = this.contentsOf(this.record.contents.resources[resource]);
+      const length = new DataView(initial.buffer, initial.byteOffset).getFloat32(offset, true) * factor ** power;
+      this.device.queue.writeBuffer(this.resources[resource].buffer, offset, new Float32Array([length]));
+    }
+  }
+
+  // Builds the shadow maps of a method for the present light and extinction, unless they are.
+  async build(method) {
+    if (!this.outdated.has(method)) return;
+    for (const { passes, cleared, limit } of method.builds) {
+      const encoder = this.device.createCommandEncoder();
+      cleared.forEach((i) => encoder.clearBuffer(this.resources[i].buffer));
+      this.device.queue.submit([encoder.finish()]);
+      for (const { pipeline, groups, workgroups } of passes) {
+        this.run([{ pipeline: await this.pipeline(pipeline), groups: groups.map((i) => this.bind(i)), workgroups }]);
+        await this.device.queue.onSubmittedWorkDone();
+      }
+      if (!limit) continue;
+      const counters = new Uint32Array(await this.read(this.resources[limit.resource].buffer, 4 * (Math.max(limit.missing, limit.needed) + 1)));
+      if (counters[limit.missing] > 0 || counters[limit.needed] > limit.most) {
+        throw new TooLarge(`The map of ${method.label} does not fit into its memory for this light and extinction.`);
+      }
+    }
+    this.outdated.delete(method);
   }
 
   // Multiplies the extinction of the transfer function by a factor, in all lookup tables of bind group 0.
@@ -268,6 +346,7 @@ class Renderer {
   // Draws a picture of a method into a target. Ends early, and returns false, when `shouldContinue` does.
   async draw(method, camera, target, shouldContinue = () => true) {
     const { passes, field, stage, mesh } = method;
+    await this.build(method);
     const pipelines = await Promise.all([method.background, ...passes.map((p) => p.pipeline)].map((i) => this.pipeline(i)));
     await this.findTiles(method, camera, target);
     const stageGroup = this.bind(stage, [target.frame, target.picture, target.progress, target.depths]);
@@ -433,8 +512,8 @@ class Page {
     this.edited = false;
   }
 
-  // Changes to a method without a shadow map, since maps are those of one light and one transfer function. Returns whether
-  // there is one.
+  // Changes to the reference if the page cannot build the map of the present method for another light or extinction. Returns
+  // whether the method follows them.
   edit() {
     if (!this.method.follows_light && this.reference >= 0) this.number = this.reference;
     this.edited ||= this.method.follows_light;
@@ -512,11 +591,15 @@ class Page {
   async drawAll() {
     while (this.wanted && !failed) {
       this.wanted = false;
-      if (this.toward) this.renderer.moveLight(this.light, this.toward);
-      this.renderer.scaleExtinction(this.extinction);
+      this.renderer.setScene(this.light, this.toward, this.extinction);
       const { coarseness } = this;
-      await this.drawAt(coarseness, false);
-      if (!this.wanted && coarseness > 1) await this.drawAt(1, true);
+      try {
+        await this.drawAt(coarseness, false);
+        if (!this.wanted && coarseness > 1) await this.drawAt(1, true);
+      } catch (error) {
+        if (!(error instanceof TooLarge)) throw error;
+        setStatus(`${error.message} R returns to the initial light.`);
+      }
     }
   }
 

@@ -4,7 +4,8 @@ use super::mesh::MeshCache;
 use super::plan::needs_shadows;
 use crate::error::Result;
 use crate::field::{
-    DeferredPasses, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View,
+    BuildRecorder, DeferredPasses, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume,
+    RecordedBuild, TilePace, View,
 };
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
@@ -96,7 +97,26 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
-        self.build((loaded, transfer), method, light, None, None)
+        self.build((loaded, transfer), method, light, None, (None, None))
+    }
+
+    /// Builds the shadow map of one light like [`Self::shadow`], and records the passes of the build. The map has more
+    /// memory than it needs under this light.
+    ///
+    /// # Errors
+    /// The adapter cannot hold the shadow map.
+    pub fn recorded_shadow(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        light: Light,
+    ) -> Result<(ShadowMap, RecordedBuild)> {
+        // The first build finds the sizes of memory pools, so that the second runs each pass once.
+        self.shadow(loaded, transfer, method, light)?;
+        let recorder = BuildRecorder::default();
+        let map = self.build((loaded, transfer), method, light, None, (None, Some(&recorder)))?;
+        Ok((map, recorder.into_build()))
     }
 
     /// Returns the shadow method for a picture of a scene: the given one, or [`NoShadows`] if no visible point can
@@ -143,7 +163,7 @@ impl Renderer {
         deferred: Option<&DeferredPasses>,
     ) -> Result<ShadowMap> {
         let method = self.effective_method(field.0, field.1, method, scene);
-        self.build(field, method, light, view, deferred)
+        self.build(field, method, light, view, (deferred, None))
     }
 
     /// Completes the report of a shadow map with the results of its deferred passes. Returns `false` if the map is
@@ -175,14 +195,24 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
         view: Option<&View>,
-        deferred: Option<&DeferredPasses>,
+        (deferred, recorder): (Option<&DeferredPasses>, Option<&BuildRecorder>),
     ) -> Result<ShadowMap> {
         let start = Instant::now();
         let made_before = transfer.march_table().is_some();
         let LoadedVolume { volume, strands, node_pools, .. } = loaded;
         let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
-        let context =
-            BuildContext { kernels, pace, node_pools, volume, transfer, strands, light, view, deferred };
+        let context = BuildContext {
+            kernels,
+            pace,
+            node_pools,
+            volume,
+            transfer,
+            strands,
+            light,
+            view,
+            deferred,
+            recorder,
+        };
         let mut map = method.build(&context)?;
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);

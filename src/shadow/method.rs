@@ -383,6 +383,12 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     fn curve(&self) -> Curve {
         Curve::of_map(&self.spec())
     }
+    /// Whether another program can build the map again under another directional light
+    /// ([`BuildRecorder`](crate::field::BuildRecorder)). The passes then depend on the light only through the projection
+    /// (binding 0 of bind group 1) and through lengths that follow from its depth range. The host reads nothing between them.
+    fn builds_on_device(&self) -> bool {
+        false
+    }
     /// Builds the shadow map of a light.
     ///
     /// # Errors

@@ -11,8 +11,8 @@ use umbravox::shadow::METHODS;
 /// SwiftShader as a Vulkan driver, as Debian's chromium has it. The browser draws with it too.
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
-/// Script that draws the picture of every method, from the first view, then with a moved light, with twice the
-/// extinction, and from inside the volume, and posts the pixels.
+/// Script that draws the picture of every method, from the first view, then with a moved light and with twice the
+/// extinction where the page can, again with the initial light, and from inside the volume. It posts the pixels.
 const SCRIPT: &str = r#"
 (async () => {
   const post = (path, body) => fetch(path, { method: "POST", body });
@@ -21,14 +21,16 @@ const SCRIPT: &str = r#"
     await page.drawing;
     const { renderer, record } = page;
     for (let i = 0; i < record.methods.length; i++) await post(`/${i}`, await renderer.pixels(i));
-    if (page.light >= 0) {
-      renderer.moveLight(page.light, [0.3, 0.8, 0.5]);
-      await post("/light", await renderer.pixels(0));
-      renderer.moveLight(page.light, record.lights[page.light]);
-    }
-    renderer.scaleExtinction(2);
-    await post("/denser", await renderer.pixels(0));
-    renderer.scaleExtinction(1);
+    const draw = async (name, toward, extinction) => {
+      renderer.setScene(page.light, toward, extinction);
+      for (const [i, { follows_light }] of record.methods.entries()) {
+        if (follows_light) await post(`/${name}-${i}`, await renderer.pixels(i));
+      }
+    };
+    if (page.light >= 0) await draw("light", [0.3, 0.8, 0.5], 1);
+    await draw("denser", page.toward, 2);
+    renderer.setScene(page.light, page.toward, 1);
+    await post("/again", await renderer.pixels(1));
     const { eye, target } = record.camera;
     await post("/inside", await renderer.pixels(0, { ...record.camera, eye: target, target: eye }));
     await post("/camera", JSON.stringify({ eye: eye.join(), target: target.join() }));
@@ -62,10 +64,12 @@ fn rms(page: &[u8], file: &Path) -> f64 {
     (squares.sum::<f64>() / page.len() as f64).sqrt()
 }
 
-/// Compares the pictures of the page of a scene with those of the program. The first method has no map.
-fn check(scene: &[&str], methods: &str) {
+/// Compares the pictures of the page of a scene with those of the program. The first method has no map. Returns the number of
+/// methods whose light the page moved.
+fn check(scene: &[&str], methods: &str) -> Option<usize> {
     if !Path::new(SWIFTSHADER).exists() {
-        return Requirement::Browser.missing(&format!("there is no {SWIFTSHADER}"));
+        Requirement::Browser.missing(&format!("there is no {SWIFTSHADER}"));
+        return None;
     }
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -78,39 +82,56 @@ fn check(scene: &[&str], methods: &str) {
     let page = page
         .replace("default-src 'none'", "default-src 'none'; connect-src 'self'")
         .replace("</body>", &format!("<script>{SCRIPT}</script></body>"));
-    let Some(answers) = answers(page, &HashMap::new()) else { return };
+    let answers = answers(page, &HashMap::new())?;
     let compare = |answer: &str, arguments: &[&str]| {
-        let scale = if answer == "denser" { "2" } else { "1" };
+        let scale = if answer.starts_with("denser") { "2" } else { "1" };
         run("render", scale, &[arguments, &["-o", "picture.npy"]].concat());
         let off = rms(&answers[answer], &folder.join("picture.npy"));
         println!("{scene:?} {answer} {arguments:?}: rms {off:.1e}");
-        assert!(off < 1e-5, "{scene:?} {answer} {arguments:?}: rms {off:e}");
+        // Tables of a page are scaled in float32: stored values of maps may move to the next step.
+        let is_scaled = answer.starts_with("denser") && answer != "denser-0";
+        let most = if is_scaled { 2e-4 } else { 1e-5 };
+        assert!(off < most, "{scene:?} {answer} {arguments:?}: rms {off:e}");
     };
+    let mut moved = 0;
     for (i, method) in methods.split(';').enumerate() {
         // Maps of a page are valid in all views.
         let has_map = METHODS.iter().any(|entry| {
             method.split(':').next() == Some(entry.name) && entry.keys.iter().any(|key| key.name == "fit")
         });
         let whole = if method.contains(':') { ",fit=volume" } else { ":fit=volume" };
-        compare(&i.to_string(), &["--shadow", &format!("{method}{}", if has_map { whole } else { "" })]);
+        let method = format!("{method}{}", if has_map { whole } else { "" });
+        compare(&i.to_string(), &["--shadow", &method]);
+        if i == 1 {
+            compare("again", &["--shadow", &method]);
+        }
+        let [light, denser] = ["light", "denser"].map(|name| format!("{name}-{i}"));
+        if answers.contains_key(&light) && !scene.contains(&"--light") {
+            compare(&light, &["--shadow", &method, "--light", "dir:0.3,0.8,0.5"]);
+            moved += 1;
+        }
+        if answers.contains_key(&denser) {
+            compare(&denser, &["--shadow", &method]);
+        }
     }
     let first = methods.split(';').next().unwrap();
-    if answers.contains_key("light") && !scene.contains(&"--light") {
-        compare("light", &["--shadow", first, "--light", "dir:0.3,0.8,0.5"]);
-    }
-    compare("denser", &["--shadow", first]);
     let camera: HashMap<String, String> = serde_json::from_slice(&answers["camera"]).unwrap();
     let [eye, target] = ["eye", "target"].map(|end| camera[end].as_str());
     compare("inside", &["--shadow", first, "--eye", target, "--target", eye]);
     let status = String::from_utf8_lossy(&answers["status"]).into_owned();
     // Without shadows there is no reference.
     assert!(status.contains("difference from rays") || scene.contains(&"--ambient"), "{status}");
+    Some(moved)
 }
 
 #[test]
 fn pages_of_a_phantom_draw_the_pictures_of_the_program() {
     let scene = ["phantom:thorax:48", "--tf", "ct", "--size", "96x80", "--shading", "lambert"];
-    check(&scene, "rays;dsm:map=96;avsm:map=96;osm:map=96;fourier:map=96;moments:map=96;lightvolume;none");
+    let methods =
+        "rays;dsm:map=96;avsm:map=96;osm:map=96;fourier:map=96;moments:map=96;bom:map=96;lightvolume;none";
+    if let Some(moved) = check(&scene, methods) {
+        assert_eq!(moved, 8, "all but lightvolume");
+    }
 }
 
 #[test]

@@ -32,7 +32,7 @@ use super::published::Published;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::BuildContext;
+use crate::field::{BuildContext, March};
 use crate::gpu::ShaderVariant;
 
 settings! {
@@ -116,6 +116,10 @@ impl Method for BoundingOpacityMap {
     fn passes(&self) -> Vec<ShaderVariant> {
         let layering = self.layering();
         layering.passes(&self.layered_map(layering.any()))
+    }
+
+    fn builds_on_device(&self) -> bool {
+        self.layering().is_fixed() && self.shape().march != March::Lines
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

@@ -3,7 +3,9 @@
 use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_WIDTH_SHIFT, TILE_BLOCKS};
 use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, NodePool, NodePoolSizes, NodePools, TILE_TEXELS, TileMarch};
+use crate::field::{
+    BuildContext, BuildLimit, BuildRecorder, NodePool, NodePoolSizes, NodePools, TILE_TEXELS, TileMarch,
+};
 use crate::gpu::{
     Read, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
 };
@@ -11,6 +13,7 @@ use crate::shadow::keys::MarchBy;
 use crate::shadow::method::{BuildReport, Method, ShadowMap};
 use crate::shadow::tolerances::longest_depth;
 use bytemuck::{Pod, Zeroable};
+use std::mem::offset_of;
 use std::sync::Arc;
 
 /// Hint for builds that exceed a software adapter's limit on loop iterations.
@@ -79,6 +82,13 @@ impl RowOutputs {
             requested: StorageBuffer::zeroed(gpu, "requested rows", 8 * tiles)?,
             blocks: StorageBuffer::zeroed(gpu, "blocks with nodes", 8 * u64::from(TILE_BLOCKS) * tiles)?,
         })
+    }
+
+    /// Returns the limit of a recorded build to a pool with `most` quads.
+    pub(super) fn limit(&self, most: u32) -> BuildLimit {
+        let [missing, needed] =
+            [offset_of!(Counters, missing_rows), offset_of!(Counters, quads_needed)].map(|at| at / 4);
+        BuildLimit { counters: self.counters.clone(), missing, needed, most }
     }
 
     /// Returns the request for the counters of the build.
@@ -161,7 +171,8 @@ impl DeepShadowMap {
     /// The adapter cannot hold the map, or it ended light rays early.
     pub(super) fn build_map(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let key = self.spec().to_string();
-        let known = context.node_pools.last_sizes(&key);
+        let reserve = context.recorder.map_or(1.0, |_| BuildRecorder::RESERVE);
+        let known = context.node_pools.last_sizes(&key).map(|sizes| sizes.scaled(reserve));
         // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;

@@ -77,8 +77,12 @@ impl DeepShadowMap {
         let (gpu, mut params) = (context.gpu(), rows.params);
         let texels = params.tile_rows;
         let learned = known.map_or(0, |sizes| with_reserve(sizes.quads, texels));
-        let quads = rows.counted.map_or(learned, |counted| counted.quads_needed);
+        let needed = rows.counted.map_or(learned, |counted| counted.quads_needed);
+        let quads = context.recorder.map_or(needed, |_| needed.max(learned));
         let pool = node_pool(context, quads, width_shift(quads))?;
+        if let Some(recorder) = context.recorder {
+            recorder.limit(rows.outputs.limit(pool.quads));
+        }
         (params.quads, params.quads_width_shift) = (pool.quads, pool.width_shift);
         let side = tiles.light_space.map_size;
         let blocks = BLOCK.map(|texels| side.div_ceil(texels));

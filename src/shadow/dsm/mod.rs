@@ -392,6 +392,10 @@ impl Method for DeepShadowMap {
         [self.build_shader()].into_iter().chain(finish).chain(counts).chain(sides).collect()
     }
 
+    fn builds_on_device(&self) -> bool {
+        self.enclose == Enclose::Off && self.from != DrawnFrom::Lines
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         self.build_map(context)
     }

@@ -85,6 +85,11 @@ impl Layering {
         }
     }
 
+    /// Whether the division into layers is known before the build.
+    pub fn is_fixed(&self) -> bool {
+        self.plain().is_some()
+    }
+
     /// Whether each texel of the shadow map stores the index of its own division into layers.
     pub fn by_texel(&self) -> bool {
         self.split == LayerSplit::Texel && self.layers > 1

@@ -169,6 +169,10 @@ impl Method for OpacityShadowMap {
         ]
     }
 
+    fn builds_on_device(&self) -> bool {
+        self.plain_split().is_some() && self.shape().march != March::Lines
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let tiles = TileMarch::fit(context, self.map_shape())?;
         let (split, weighing) = match self.plain_split() {

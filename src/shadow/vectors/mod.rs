@@ -17,7 +17,7 @@ use super::method::{BuildReport, Curve, Entry, Method, MethodSpec, ShadowMap};
 use super::settings::Value;
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
+use crate::field::{BuildContext, MapShape, March, TILE, TileMarch, field_shader};
 use crate::gpu::{
     Constant, Read, ShaderVariant, Slot, StorageBuffer, clamp_sampler, store_texture, uniform_buffer,
 };
@@ -137,6 +137,10 @@ impl<M: VectorMap> Method for M {
 
     fn curve(&self) -> Curve {
         VectorMap::curve(self)
+    }
+
+    fn builds_on_device(&self) -> bool {
+        self.descriptor().shape.march != March::Lines
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
@@ -275,7 +279,6 @@ impl VectorMapDescriptor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::March;
     use crate::gpu::assert_layout;
     use crate::shadow::keys::Fit;
 
