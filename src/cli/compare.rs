@@ -1,6 +1,6 @@
 //! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
-use super::console::{load_scene, print_message, print_result, progress_bar};
+use super::console::{StepDisplay, load_scene, print_message, print_result};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
@@ -204,7 +204,7 @@ fn measure_rows(
         let Loaded { volume, strands, tf, scene, .. } = loaded;
         Ok(Subject { volume, tf, strands, scene, forced: scenes[i].settings.disabled_optimizations() })
     };
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("finished rows are kept");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);

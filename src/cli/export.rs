@@ -1,6 +1,6 @@
 //! `umbravox export`: writes one HTML file that draws a scene in a browser.
 
-use super::console::{load_scene, print_json, print_message, progress_bar};
+use super::console::{StepDisplay, load_scene, print_json, print_message};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
@@ -118,7 +118,7 @@ fn measured(session: &Session, methods: &[Box<dyn Method>], loaded: &Loaded) -> 
     let name = scene_name(volume, tf);
     let strands = strands.as_deref().map(|of| &of.strands);
     let job = Job { strands, ..Job::new(session, (volume, tf), scene, &name, EFFORT) };
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("no page is written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     for (step, times) in steps(methods, &EFFORT) {
