@@ -4,6 +4,7 @@ use super::console::{StepDisplay, load_scene, print_json, print_message};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
+use crate::files::input::source_name;
 use crate::files::output::{check_output, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::compare::{compare, steps};
@@ -140,7 +141,7 @@ fn texts(settings: &SceneSettings, loaded: &Loaded) -> PageTexts {
     let [x, y, z] = volume.dims();
     let lights = scene.lights.iter().map(LightSource::text).collect::<Vec<_>>().join("; ");
     // A page does not tell the folders of its author.
-    let name_of = |source: &str| source.rsplit(['/', '\\']).next().unwrap_or(source).to_owned();
+    let name_of = |source: &str| source_name(source).to_owned();
     let facts = [
         ("volume", format!("{}, {x} x {y} x {z} voxels", name_of(&volume.provenance.source))),
         ("transfer function", format!("{} ({})", tf.name, name_of(tf_source))),

@@ -2,13 +2,13 @@
 
 use super::difference::Difference;
 use super::slices::Slices;
-use super::widgets::file_name;
 use super::{cube, overlays, pointer};
 use crate::app::model::Model;
 use crate::app::panels::widgets::tag;
 use crate::app::picture_shape::{Place, shape as shown};
 use crate::app::theme;
 use crate::engine::messages::MethodFrame;
+use crate::files::input::source_name;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
@@ -133,7 +133,7 @@ fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
     let Some(reading) = &model.reading else { return };
     let progress = reading.loading.progress();
     let source = reading.source.as_str();
-    let name = file_name(source);
+    let name = source_name(source);
     let seconds = reading.since.elapsed().as_secs_f64();
     let width = READING_WIDTH.min(rect.width() - 24.0).max(160.0);
     let mut cancelled = false;
