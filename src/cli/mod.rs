@@ -133,7 +133,7 @@ fn named_command(args: &[OsString]) -> Option<clap::Command> {
 fn log_to_stderr(verbose: u8) {
     // Users cannot act on warnings of the GPU libraries.
     let filter = match verbose {
-        0 => "error,umbravox=warn",
+        0 => "error,eframe=off,umbravox=warn",
         1 => "warn,umbravox=info",
         2 => "info,umbravox=debug",
         _ => "trace",
