@@ -198,8 +198,8 @@ impl Made {
         let files = Files {
             tables,
             plots: write_scene_plots(&rows, &self.run, folder)?,
-            pictures: write_pictures(&self, folder, layout.tex_width_pt)?,
-            report: write_page(&self, folder)?,
+            pictures: write_pictures(&self, folder, layout)?,
+            report: write_page(&self, folder, layout.difference_max)?,
             budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self
                 .ablations
