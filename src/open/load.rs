@@ -128,8 +128,9 @@ impl SceneSettings {
         };
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        // Each label's transfer function has its own factor: that of a preset does not apply to a file.
-        let own = Suiting { units: suiting.units, ..self.suiting() };
+        // Each label's transfer function has its own factor, since that of a preset does not apply to a file. The
+        // units of the volume are found again, so that notes give the reason for them.
+        let own = self.suiting();
         tf.rules = self.masking.rules(functions.of_labels, &tf, &volume, own, &mut diagnostics)?;
         tf.clip = self.masking.planes(strands.is_some())?;
         diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));

@@ -1,6 +1,6 @@
 //! Finds the transfer function of `--tf`, a preset or a file, and adapts it to a volume.
 
-use super::units::{Meaning, Units, ValueKind, of_strands};
+use super::units::{Meaning, Units, ValueKind, background_note, of_strands};
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
 use crate::transfer::TransferFunction;
@@ -156,6 +156,7 @@ fn preset_for(
             if meaning.is_guess {
                 notes.push(format!("values are taken as {}", meaning.text()));
             }
+            notes.extend(background_note(volume, &tf, &name));
             tf
         }
         Scale::Hounsfield => {
