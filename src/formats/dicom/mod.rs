@@ -8,11 +8,12 @@ mod attributes;
 mod dataset;
 mod elements;
 mod pixels;
+mod segmentation;
 mod series;
 mod stack;
 mod table;
 
-use self::dataset::Span;
+use self::dataset::{DataSet, Span};
 use self::elements::is_dicom as is_dicom_head;
 use self::pixels::{Fault, Layout, lossy_warning, read_frame, spans};
 use self::series::{Image, Series, WHAT};
@@ -57,10 +58,21 @@ pub fn series_of(folder: &Path) -> Result<Vec<String>> {
 /// # Errors
 /// The path holds no DICOM series, or several series and `chosen` selects none.
 pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
+    if segmentation_of(path).is_some() {
+        return Ok(vec![path.into()]);
+    }
     let series = series::find(path, chosen, &Loading::default())?;
     let mut files: Vec<PathBuf> = series.images.iter().map(|image| image.path.clone()).collect();
     files.sort();
     Ok(files)
+}
+
+/// Reads the attributes of a DICOM file if it is a segmentation of one bit a pixel.
+fn segmentation_of(path: &Path) -> Option<DataSet> {
+    if path.is_dir() {
+        return None;
+    }
+    DataSet::read(path).ok().filter(DataSet::is_segmentation)
 }
 
 /// Reads one frame (time point) of a DICOM series as a volume; `frame` is its index from 0. In a folder with several
@@ -71,6 +83,9 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
 /// a regular grid.
 pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loading) -> Result<Volume> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
+    if let Some(set) = segmentation_of(path) {
+        return segmentation::read(path, &set, frame).map_err(refuse);
+    }
     let mut series = series::find(path, chosen, loading)?;
     let most_damaged = series.images.len().div_ceil(DAMAGED_SHARE);
     let mut undecodable: Option<String> = None;

@@ -149,6 +149,11 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
     if set.pixels == PixelData::None {
         return Err(Refused::NoScalars("it is a DICOM file without an image".into()));
     }
+    if set.is_segmentation() {
+        return Err(Refused::NoScalars(
+            "it is a segmentation (SEG), which is read as a file of its own".into(),
+        ));
+    }
     let integer = |tag| set.root.integer(tag);
     let needed = |tag| integer(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
     let size = |tag| match needed(tag)? {
