@@ -236,10 +236,10 @@ impl Model {
 
     // Opening of volumes.
 
-    /// Starts to read a volume in the background. The open volume stays until the new one is ready. Messages about
+    /// Starts to read a volume in the background. The open volume stays until the new one is ready. Errors of
     /// earlier volumes are removed.
     pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
-        self.messages.clear();
+        self.messages.retain(|message| !message.is_error);
         match ReadTask::start(spec, with, Arc::clone(&self.wake)) {
             Ok(reading) => self.reading = Some(reading),
             Err(e) => self.fail(&e),
