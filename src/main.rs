@@ -18,6 +18,10 @@ fn view(args: ViewArgs) -> Result<()> {
 
     let asked = args.scene != SceneArgs::default();
     let request = args.scene.into_request()?;
+    if asked {
+        // The window would open without the volume, and show the error there.
+        request.settings.check_volume_exists()?;
+    }
     let scene = (asked || args.clean).then_some(request.settings);
     run(Start { scene, adapter: request.run.adapter, clean: args.clean, hook: None })
 }

@@ -117,6 +117,7 @@ impl App {
                 Event::Failed(error) => {
                     self.difference.fail();
                     model.settled = true;
+                    model.uploading = false;
                     model.fail(&error);
                 }
             }

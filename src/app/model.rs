@@ -67,6 +67,8 @@ pub struct Model {
     pub document: Option<Document>,
     /// Background task that reads a volume; `None` if no volume is being read.
     pub reading: Option<ReadTask>,
+    /// Whether the render thread uploads a volume that was read, which does not yet belong to `document`.
+    pub uploading: bool,
     /// Picture export that is running, with its progress; `None` if there is none.
     pub exporting: Option<Exporting>,
     /// Last picture received from the render thread, coarse or at full quality.
@@ -111,6 +113,7 @@ impl Model {
             settings,
             document: None,
             reading: None,
+            uploading: false,
             exporting: None,
             frame: None,
             requested: None,
@@ -233,8 +236,10 @@ impl Model {
 
     // Opening of volumes.
 
-    /// Starts to read a volume in the background. The open volume stays until the new one is ready.
+    /// Starts to read a volume in the background. The open volume stays until the new one is ready. Errors of
+    /// earlier volumes are removed.
     pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
+        self.messages.retain(|message| !message.is_error);
         match ReadTask::start(spec, with, Arc::clone(&self.wake)) {
             Ok(reading) => self.reading = Some(reading),
             Err(e) => self.fail(&e),
@@ -273,7 +278,10 @@ impl Model {
         let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
         match outcome {
-            Ok(opened) => self.thread.push(Job::Upload(Box::new(opened))),
+            Ok(opened) => {
+                self.uploading = true;
+                self.thread.push(Job::Upload(Box::new(opened)));
+            }
             Err(e) => self.fail(&e),
         }
     }
@@ -287,6 +295,7 @@ impl Model {
     /// Makes a volume the open one after the render thread has uploaded it. Returns `false` if the volume must be
     /// read again.
     pub fn take_volume(&mut self, mut opened: OpenedVolume) -> bool {
+        self.uploading = false;
         self.settings.opened(&opened.spec.source);
         let notes = std::mem::take(&mut opened.notes);
         match (opened.initial.take(), &mut self.document) {
@@ -316,6 +325,7 @@ impl Model {
         let methods = [method, old.map(|d| d.other)].map(|method| method.unwrap_or_else(first));
         self.document = Some(Document::new(opened, initial, methods));
         self.frame = None;
+        self.settled = false;
     }
 
     // Render thread.

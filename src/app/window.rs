@@ -140,7 +140,11 @@ fn open(
     if let (Err(_), Some(resume)) = (&ran, lock(&resume).take()) {
         return Err(resume.give_up(Resume::recovery_path()));
     }
-    ran.map_err(|e| failed(e.to_string()))?;
+    if let Err(e) = ran {
+        // The windowing library fails in the same way without a display and without a graphics driver.
+        Gpu::open(adapter)?;
+        return Err(failed(e.to_string()));
+    }
     Ok(std::mem::replace(&mut *lock(&outcome), Ended::Closed(Ok(()))))
 }
 

@@ -1,6 +1,6 @@
 //! `umbravox benchmark`: ranks shadow methods within equal budgets, in the cells of the frozen benchmark.
 
-use super::console::{print_message, print_result, progress_bar};
+use super::console::{StepDisplay, print_message, print_result};
 use super::interrupt::Interrupt;
 use crate::benchmark::Run;
 use crate::benchmark::definition::{Cell, Definition};
@@ -12,6 +12,7 @@ use crate::files::output::check_output_dir;
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
+use crate::measure::progress::{Status, Step, StepKind};
 use crate::render::Renderer;
 use crate::report::run::Shard;
 use crate::shadow::{Entry, METHODS, SearchSpace};
@@ -92,11 +93,14 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
     };
     run.check()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    let bar = progress_bar(own.len() as u64, "{bar:20} {pos}/{len} {msg}")?;
+    let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("results of finished cells remain");
     let mut watch = |step: &str| {
-        bar.set_position(own.iter().position(|cell| step.starts_with(&cell.name)).unwrap_or(0) as u64);
-        bar.set_message(step.to_owned());
+        let done = own.iter().position(|cell| step.starts_with(&cell.name)).unwrap_or(0);
+        let is_new_cell = own.get(done).is_some_and(|cell| cell.name == step);
+        let kind = if is_new_cell { StepKind::Case } else { StepKind::Trial };
+        let running = Step::new(kind, "");
+        bar.show(&Status { step: &running, what: step, done, total: own.len(), left_s: None });
         if interrupt.is_requested() { Err(Error::cancelled(step)) } else { Ok(()) }
     };
     let Some(output) = &args.output else {

@@ -1,6 +1,8 @@
 //! `umbravox claims`: tests claims of the shadow methods' papers by measurement.
 
-use super::console::{load_scene, progress_bar, show_step};
+use super::console::{StepDisplay, load_scene};
+use super::interrupt::Interrupt;
+use super::measuring_bar::MeasuringBar;
 use super::table_flags::TableFlags;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
@@ -10,7 +12,7 @@ use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{TriedOn, counts, markdown};
-use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scene_names};
+use crate::replication::claims::{Claim, Row, all, find_paper, run as run_claims, scene_names};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -47,7 +49,7 @@ pub struct ClaimsArgs {
 /// Runs the `claims` command: tests claims of papers and writes a table of verdicts.
 ///
 /// # Errors
-/// Bad input, or a failure of the device or disk. A claim that does not hold is not an error.
+/// Bad input, a failure of the device or disk, or an interruption. A claim that does not hold is not an error.
 pub fn run(args: &ClaimsArgs) -> Result<()> {
     let mut claims = all()?;
     let papers = args.papers.iter().map(|name| find_paper(name, &claims)).collect::<Result<Vec<_>>>()?;
@@ -60,8 +62,9 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
     let renderer = args.table.open()?;
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
-    let mut progress = Progress::new(|status| show_step(&bar, status));
+    let bar = StepDisplay::new()?;
+    let interrupt = Interrupt::between_steps("verdicts on finished scenes are written");
+    let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
         let loaded = load_scene(&settings_of(name, &given)?)?;
@@ -69,10 +72,13 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
         Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
     };
     let effort = Effort { repeats: args.repeats as usize, ..EFFORT };
-    let rows = run_claims(&renderer, &claims, &names, &mut read, effort, &mut progress);
+    let (rows, outcome) = run_claims(&renderer, &claims, &names, &mut read, effort, &mut progress);
     drop(progress);
     bar.finish_and_clear();
-    let rows = rows?;
+    let is_interrupted = outcome.as_ref().is_err_and(Error::is_cancelled);
+    if !is_interrupted {
+        outcome?;
+    }
 
     let facts = Facts::of(renderer.gpu());
     let made_by = format!(
@@ -81,7 +87,24 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     );
     let tried =
         scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
-    args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))
+    args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))?;
+    if is_interrupted { Err(interrupted(args, &claims, &names, &rows)) } else { Ok(()) }
+}
+
+/// Error that ends an interrupted test of claims: states on which scenes claims were tested, and which are missing.
+fn interrupted(args: &ClaimsArgs, claims: &[Claim], given: &[String], rows: &[Row]) -> Error {
+    // The column `scene` has the name of the scene, then its variant.
+    let has_rows = |name: &str| rows.iter().any(|r| r.scene.split(" (").next() == Some(name));
+    let (done, missing): (Vec<_>, Vec<_>) =
+        scene_names(claims, given).into_iter().partition(|name| has_rows(name));
+    let why = format!(
+        "claims are tested on {} of {} scenes, and their rows are written; not on {}",
+        done.len(),
+        done.len() + missing.len(),
+        missing.join(", ")
+    );
+    Error::runtime("interrupted", args.table.output.display(), why)
+        .hint("--paper NAME tests the claims of one paper, which takes less time")
 }
 
 /// Reads scene files and names each by its file name without extension. Fails if two names are equal.

@@ -1,6 +1,6 @@
 //! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
-use super::console::{load_scene, print_message, print_result, progress_bar};
+use super::console::{StepDisplay, load_scene, print_message, print_result};
 use super::export::{check_embedded, page_methods, scene_page};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
@@ -102,6 +102,10 @@ pub struct LayoutFlags {
     /// margins of 2.5 cm]
     #[arg(long, value_name = "PT", value_parser = tex_width_pt)]
     pub tex_width: Option<f64>,
+    /// Difference from the reference picture at the upper end of the colour bar, in grid.pdf, the difference images
+    /// and the report [default: the largest difference of a method with shadows, rounded up]
+    #[arg(long, value_name = "D", value_parser = difference_max)]
+    pub difference_max: Option<f32>,
 }
 
 impl LayoutFlags {
@@ -114,6 +118,7 @@ impl LayoutFlags {
         let layout = Layout {
             columns: self.columns.as_ref().map(trimmed),
             tex_width_pt: self.tex_width.unwrap_or(Layout::TEX_WIDTH_PT),
+            difference_max: self.difference_max,
         };
         layout.check().map(|()| layout)
     }
@@ -123,6 +128,11 @@ fn tex_width_pt(text: &str) -> Result<f64, String> {
     let text = text.trim_end_matches("pt").trim();
     let width = text.parse().ok().filter(|w| (100.0..=5000.0).contains(w));
     width.ok_or_else(|| "expected a width of 100 to 5000 points".into())
+}
+
+fn difference_max(text: &str) -> Result<f32, String> {
+    let max = text.trim().parse().ok().filter(|max| (1e-6..=1.0).contains(max));
+    max.ok_or_else(|| "expected a difference of linear colour, from 1e-6 to 1".into())
 }
 
 /// Runs the `compare` command: measures shadow methods on scenes, and writes tables, plots and pictures.
@@ -248,7 +258,7 @@ fn measure_rows(
         let Loaded { volume, strands, tf, scene, .. } = loaded;
         Ok(Subject { volume, tf, strands, scene, forced: scenes[i].settings.disabled_optimizations() })
     };
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("finished rows are kept");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);

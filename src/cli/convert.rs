@@ -16,7 +16,7 @@ pub struct ConvertArgs {
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
-    /// Output file of the volume: .nii, .nii.gz, .nrrd, .npy or .raw; .npy and .raw get an extra .json with grid,
+    /// Output file of the volume: .nii, .nii.gz, .nrrd, .mha, .vti, .npy or .raw; .npy and .raw get an extra .json with grid,
     /// scaling and affine
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,

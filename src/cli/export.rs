@@ -1,10 +1,11 @@
 //! `umbravox export`: writes one HTML file that draws a scene in a browser.
 
-use super::console::{load_scene, print_json, print_message, progress_bar};
+use super::console::{StepDisplay, load_scene, print_json, print_message};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::field::Optimization;
+use crate::files::input::source_name;
 use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::comparison::Compared;
@@ -150,7 +151,7 @@ fn measured(session: &Session, methods: &[Box<dyn Method>], loaded: &Loaded) -> 
     let strands = strands.as_deref().map(|of| &of.strands);
     let effort = Effort { points: POINTS, ..Effort::default() };
     let job = Job { strands, ..Job::new(session, (volume, tf), scene, &name, effort) };
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("no page is written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
     let rows = picture_errors(&job, methods, &mut progress);
@@ -165,7 +166,7 @@ fn texts(settings: &SceneSettings, loaded: &Loaded) -> PageTexts {
     let [x, y, z] = volume.dims();
     let lights = scene.lights.iter().map(LightSource::text).collect::<Vec<_>>().join("; ");
     // A page does not tell the folders of its author.
-    let name_of = |source: &str| source.rsplit(['/', '\\']).next().unwrap_or(source).to_owned();
+    let name_of = |source: &str| source_name(source).to_owned();
     let facts = [
         ("volume", format!("{}, {x} x {y} x {z} voxels", name_of(&volume.provenance.source))),
         ("transfer function", format!("{} ({})", tf.name, name_of(tf_source))),

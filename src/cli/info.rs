@@ -1,29 +1,33 @@
 //! `umbravox info`: prints the properties of a volume.
 
-use super::console::{print_json, print_result};
-use crate::error::Result;
+use super::console::{print_json, print_message, print_result};
+use super::info_strands::StrandInfo;
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::formats::{Head, dicom};
 use crate::open::units::{Meaning, Units, ValueKind};
-use crate::open::{ReadFlags, VolumeSpec, load};
+use crate::open::{ReadFlags, VolumeSpec, is_strand_source, load, load_any_strands};
 use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume, Voxels};
 use bytesize::ByteSize;
 use clap::Args;
 use glam::{DMat4, DVec3};
 use serde::Serialize;
 use std::fmt::Write as _;
+use std::path::Path;
 
-/// Print the properties of a volume file
+/// Print the properties of volume files, or list the series of a DICOM folder
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// Volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk,
-    /// .vtk, .vtp, .obj) or built-in volume phantom:NAME[:SIZE]
-    #[arg(value_name = "VOLUME")]
-    pub volume: String,
+    /// Volumes (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk,
+    /// .vtk, .vtp, .obj) or built-in volumes phantom:NAME[:SIZE]
+    #[arg(value_name = "VOLUME", required = true)]
+    pub volumes: Vec<String>,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
     /// Interpret voxel values as HU or as fractions of their range [default: as the file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS")]
     pub units: Option<Units>,
-    /// Print the properties of the volume as JSON
+    /// Print the properties as JSON: an object, or an array of objects for several volumes
     #[arg(long)]
     pub json: bool,
 }
@@ -160,12 +164,102 @@ fn number(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Runs the `info` command: reads a volume and prints its properties to stdout.
+/// Properties of an input of `umbravox info`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum Described {
+    Volume(Box<Info>),
+    /// Strands, and the volume made of them if they have a thickness.
+    Strands {
+        #[serde(flatten)]
+        strands: StrandInfo,
+        #[serde(flatten)]
+        volume: Option<Box<Info>>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        source: Option<String>,
+    },
+    /// Folder of several DICOM series.
+    Series {
+        source: String,
+        format: &'static str,
+        series: Vec<String>,
+    },
+}
+
+impl Described {
+    /// Reads an input and collects its properties.
+    fn read(source: &str, args: &InfoArgs) -> Result<Self> {
+        let spec = VolumeSpec { source: source.to_owned(), flags: args.volume_flags };
+        let info = || load(&spec).map(|volume| Box::new(Info::of(&volume, args.units)));
+        // A raw volume may have any name.
+        if is_strand_source(source) && args.volume_flags.raw.is_none() {
+            let thickness = args.volume_flags.strands.thickness;
+            let strands = StrandInfo::of(&load_any_strands(source, thickness, &Loading::default())?);
+            let volume = strands.thickness_mm.map(|_| info()).transpose()?;
+            let source = volume.is_none().then(|| source.to_owned());
+            return Ok(Self::Strands { strands, volume, source });
+        }
+        info().map(Self::Volume).or_else(|error| {
+            let lists = args.volume_flags.series.is_none() && Path::new(source).is_dir();
+            let series = if lists && dicom::is_dicom(&Head::of(Path::new(source))) {
+                dicom::series_of(Path::new(source))?
+            } else {
+                Vec::new()
+            };
+            match series.len() {
+                0 | 1 => Err(error),
+                _ => Ok(Self::Series { source: source.to_owned(), format: "dicom", series }),
+            }
+        })
+    }
+
+    /// Formats the properties as aligned text.
+    fn to_text(&self) -> String {
+        match self {
+            Self::Volume(info) => info.to_text(),
+            Self::Strands { strands, volume, source } => {
+                let source = source.iter().map(|source| format!("{:<12} {source}\n", "source"));
+                let volume = volume.iter().map(|info| info.to_text());
+                source.chain(volume).collect::<String>() + &strands.to_text(number)
+            }
+            Self::Series { source, series, .. } => {
+                let lines = series
+                    .iter()
+                    .enumerate()
+                    .map(|(i, summary)| format!("--series {:<3} {summary}\n", i + 1));
+                format!("{:<12} {source}\n{:<12} dicom, {} series\n", "source", "format", series.len())
+                    + &lines.collect::<String>()
+            }
+        }
+    }
+}
+
+/// Runs the `info` command: reads each volume and prints its properties to stdout. A volume that cannot be read does
+/// not keep the others from being printed.
 ///
 /// # Errors
-/// The volume cannot be read, or stdout cannot be written to.
+/// A volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
-    let info = Info::of(&volume, args.units);
-    if args.json { print_json(&info) } else { print_result(&info.to_text()) }
+    let (mut described, mut failed) = (Vec::new(), None::<Error>);
+    for source in &args.volumes {
+        match Described::read(source, args) {
+            Ok(of_source) if args.json => described.push(of_source),
+            Ok(of_source) => {
+                let gap = if described.is_empty() { "" } else { "\n" };
+                print_result(&format_args!("{gap}{}", of_source.to_text()))?;
+                described.push(of_source);
+            }
+            Err(error) => {
+                // The caller prints the last error.
+                failed.iter().for_each(|earlier| print_message("error", earlier));
+                failed = Some(error);
+            }
+        }
+    }
+    match &described[..] {
+        [only] if args.json && args.volumes.len() == 1 => print_json(only)?,
+        all if args.json && args.volumes.len() > 1 => print_json(&all)?,
+        _ => {}
+    }
+    failed.map_or(Ok(()), Err)
 }

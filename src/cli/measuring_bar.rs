@@ -1,21 +1,20 @@
-//! Progress bar of commands that measure shadow methods.
+//! Progress of commands that measure shadow methods.
 
-use super::console::show_step;
+use super::console::StepDisplay;
 use super::interrupt::Interrupt;
 use crate::measure::progress::{Status, Watch};
-use indicatif::ProgressBar;
 
-/// Progress bar of measurements of shadow methods. After an interrupt (Ctrl-C), they end with the present one.
+/// Progress display of measurements of shadow methods. After an interrupt (Ctrl-C), they end with the present one.
 pub struct MeasuringBar<'a> {
-    /// Bar on the terminal.
-    pub bar: &'a ProgressBar,
+    /// Bar on the terminal, or lines elsewhere.
+    pub bar: &'a StepDisplay,
     /// Interrupt of the user.
     pub interrupt: &'a Interrupt,
 }
 
 impl Watch for MeasuringBar<'_> {
     fn starts(&mut self, status: &Status) {
-        show_step(self.bar, status);
+        self.bar.show(status);
     }
 
     fn goes_on(&self) -> bool {

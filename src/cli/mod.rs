@@ -10,6 +10,7 @@ mod error;
 pub mod export;
 pub mod frames;
 pub mod info;
+mod info_strands;
 mod interrupt;
 mod measuring_bar;
 pub mod merge;
@@ -131,9 +132,9 @@ fn named_command(args: &[OsString]) -> Option<clap::Command> {
 }
 
 fn log_to_stderr(verbose: u8) {
-    // Users cannot act on warnings of the GPU libraries.
+    // Users cannot act on warnings of the GPU libraries. The command itself reports why the window did not open.
     let filter = match verbose {
-        0 => "error,umbravox=warn",
+        0 => "error,eframe=off,umbravox=warn",
         1 => "warn,umbravox=info",
         2 => "info,umbravox=debug",
         _ => "trace",

@@ -1,8 +1,11 @@
 //! `umbravox stability`: tests every shadow method for numerical faults on stiff and extreme cases.
 
-use super::console::progress_bar;
+use super::console::StepDisplay;
+use super::interrupt::Interrupt;
+use super::measuring_bar::MeasuringBar;
 use super::table_flags::TableFlags;
 use crate::error::{Error, Result};
+use crate::measure::progress::Progress;
 use crate::replication::stability::table::{counted, markdown};
 use crate::replication::stability::{Case, Row, Status, all, run as run_cases};
 use crate::shadow::{MethodSpec, STABILITY};
@@ -25,24 +28,43 @@ pub struct StabilityArgs {
 /// Runs the `stability` command: tests shadow methods for numerical faults and writes a table of results.
 ///
 /// # Errors
-/// Bad input, a failure of the disk, or (after everything is written) a failed check.
+/// Bad input, a failure of the disk, an interruption, or (after everything is written) a failed check.
 pub fn run(args: &StabilityArgs) -> Result<()> {
     // Bad methods, unknown cases and a folder that is a file are rejected before any work is done.
     let methods = MethodSpec::parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
     args.table.check("stability")?;
-    let bar = progress_bar(cases.len() as u64 + 1, "{bar:30} {pos}/{len} {msg}")?;
     let renderer = args.table.open()?;
-    let rows = run_cases(&renderer, &methods, &cases, &mut |what| {
-        bar.set_message(what.to_owned());
-        bar.inc(1);
-    });
+    let bar = StepDisplay::new()?;
+    let interrupt = Interrupt::between_steps("rows of finished cases are written");
+    let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
+    let (rows, outcome) = run_cases(&renderer, &methods, &cases, &mut progress);
+    drop(progress);
     bar.finish_and_clear();
-    let rows = rows?;
+    let is_interrupted = outcome.as_ref().is_err_and(Error::is_cancelled);
+    if !is_interrupted {
+        outcome?;
+    } else if rows.is_empty() {
+        return Err(Error::runtime("interrupted", args.table.output.display(), "no case is finished"));
+    }
     let summary = markdown(&rows);
     args.table.write("stability", &rows, &summary, &summary)?;
+    if is_interrupted {
+        return Err(interrupted(args, &cases, &rows));
+    }
     verdict(&rows, &args.table.output.join("stability.csv").display())
+}
+
+/// Error that ends an interrupted stability test: states how many cases are in the table, and which are missing.
+fn interrupted(args: &StabilityArgs, cases: &[&Case], rows: &[Row]) -> Error {
+    // A case without rows may have no method to which it applies; to test it again takes no time.
+    let last = rows.last().map(|row| row.case.as_str());
+    let done = cases.iter().position(|case| Some(case.name.as_str()) == last).map_or(0, |at| at + 1);
+    let missing: Vec<_> = cases[done..].iter().map(|case| case.name.as_str()).collect();
+    let why = format!("{done} of {} cases are tested, and their rows are written", cases.len());
+    Error::runtime("interrupted", args.table.output.display(), why)
+        .hint(format!("test the others in a folder of their own: --case {}", missing.join(",")))
 }
 
 /// Selects cases of the stability test by name, in the order of the full list of cases. Selects all if no name is

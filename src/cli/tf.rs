@@ -4,12 +4,11 @@ use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::open::presets::{self, PRESETS, Scale};
-use crate::open::user_presets::{UserPreset, user_presets};
+use crate::open::user_presets::{UserPreset, names, path_of, user_presets};
 use crate::transfer::TransferFunction;
 use crate::transfer::formats::{self, Imported, TRANSFER_FORMATS, TransferFormat, has_fractions};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
-use itertools::Itertools as _;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -148,11 +147,10 @@ pub fn run(args: TfArgs) -> Result<()> {
     match args.command {
         TfCommand::List(args) => list(args.json),
         TfCommand::Export(args) => {
-            let of_user = user_presets();
-            let mut names = PRESETS.iter().map(|p| p.name).chain(of_user.iter().map(|p| &*p.name));
-            if !names.clone().contains(&&*args.preset) {
+            let is_built_in = PRESETS.iter().any(|preset| preset.name == args.preset);
+            if !is_built_in && path_of(&args.preset).is_none() {
                 return Err(Error::input("unknown preset", &args.preset, "there is none of that name")
-                    .hint(format!("presets: {}; `tf convert` takes files", names.join(", "))));
+                    .hint(format!("presets: {}; `tf convert` takes files", names())));
             }
             let (tf, warnings) = presets::find(&args.preset)?.as_it_is();
             write(Imported { tf, warnings, format: "preset" }, &args.to)

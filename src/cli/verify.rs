@@ -1,6 +1,6 @@
 //! `umbravox verify`: measures the errors of an archived result folder again and compares them.
 
-use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
+use super::console::{StepDisplay, load_scene, print_message, print_result};
 use crate::benchmark::Run as BenchmarkRun;
 use crate::benchmark::definition::Definition;
 use crate::benchmark::folder::{Conditions, Folder};
@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
 use crate::measure::journal::Journal;
-use crate::measure::progress::Progress;
+use crate::measure::progress::{Progress, Step, StepKind};
 use crate::open::{Loaded, SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::report::make::{Order, Subject, make};
@@ -77,12 +77,12 @@ fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions)
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
     let facts = Facts::of(renderer.gpu());
     let is_same = (&facts.adapter, &facts.driver) == (&conditions.adapter, &conditions.driver);
-    let bar = progress_bar(cells.len() as u64, "{bar:20} {pos}/{len} {msg}")?;
-    let verified = run.verify(folder, is_same, &renderer, &mut |cell| {
-        bar.set_message(cell.to_owned());
-        bar.inc(1);
-        Ok(())
-    });
+    let bar = StepDisplay::new()?;
+    let mut progress = Progress::new(|status| bar.show(status));
+    let step = Step::new(StepKind::Case, "");
+    progress.expect(step.clone(), cells.len());
+    let verified = run.verify(folder, is_same, &renderer, &mut |cell| progress.begin(step.clone(), cell));
+    drop(progress);
     bar.finish_and_clear();
     verified
 }
@@ -108,8 +108,8 @@ fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings[i])?;
         Ok(Subject { volume, tf, strands, scene, forced: settings[i].disabled_optimizations() })
     };
-    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
-    let mut progress = Progress::new(|status| show_step(&bar, status));
+    let bar = StepDisplay::new()?;
+    let mut progress = Progress::new(|status| bar.show(status));
     let made = make(&order, &run, &mut read, &renderer, &mut Journal::nowhere(), &mut progress);
     drop(progress);
     bar.finish_and_clear();

@@ -1,4 +1,5 @@
-//! Reads small text files, and detects the LPS coordinate-system mark of mesh and volume files.
+//! Reads small text files, names the source of a volume, and detects the LPS coordinate-system mark of mesh and volume
+//! files.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -21,6 +22,18 @@ pub fn says_lps(beginning: &[u8]) -> bool {
 /// Name that stands for standard input or standard output instead of a file.
 pub const STANDARD_STREAM: &str = "-";
 
+/// Returns the name of a file or folder from its path, or from the source (path or name) of a volume. A slash at the
+/// end of a folder, as tab completion writes it, is ignored.
+pub fn source_name(source: &str) -> &str {
+    const SEPARATORS: [char; 2] = ['/', '\\'];
+    source
+        .trim_end_matches(SEPARATORS)
+        .rsplit(SEPARATORS)
+        .next()
+        .filter(|name| !name.is_empty())
+        .unwrap_or(source)
+}
+
 /// Reads a UTF-8 text file, or standard input for `-`; `what` is the beginning of the error message, e.g. `cannot read scene file`.
 ///
 /// # Errors
@@ -37,4 +50,23 @@ pub fn read_text(path: &Path, what: &str) -> Result<String> {
         return Err(refuse("it is larger than 256 MiB".into()));
     }
     String::from_utf8(bytes).map_err(|e| refuse(format!("it is not UTF-8 text: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_keeps_its_name_with_a_slash_at_its_end() {
+        for (source, name) in [
+            ("bigdcm/", "bigdcm"),
+            ("a/b.nii.gz", "b.nii.gz"),
+            ("C:\\scans\\head\\", "head"),
+            ("scans//", "scans"),
+            ("phantom:thorax", "phantom:thorax"),
+            ("/", "/"),
+        ] {
+            assert_eq!(source_name(source), name, "{source}");
+        }
+    }
 }

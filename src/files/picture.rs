@@ -7,7 +7,8 @@ use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
 use png::text_metadata::{EncodableTextChunk, ITXtChunk};
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read as _};
 use std::path::Path;
 
 /// File name extensions of the supported image formats.
@@ -187,6 +188,27 @@ pub fn with_texts(mut file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u
     }
     file.splice(PNG_HEADER..PNG_HEADER, chunks);
     Ok(file)
+}
+
+/// First bytes of every PNG file.
+const PNG_SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
+
+/// Returns whether the first bytes of a file are those of a PNG file.
+pub fn is_png(path: &Path) -> bool {
+    let mut head = [0; PNG_SIGNATURE.len()];
+    File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == PNG_SIGNATURE
+}
+
+/// Reads a text of the metadata of a PNG file by its key; `None` if there is no such text before the pixels.
+///
+/// # Errors
+/// The file cannot be read, or is no PNG file.
+pub fn png_text(path: &Path, key: &str) -> Result<Option<String>> {
+    let fail = |why: String| Error::input("cannot read picture", path.display(), why);
+    let file = File::open(path).map_err(|e| fail(e.to_string()))?;
+    let reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|e| fail(e.to_string()))?;
+    let chunk = reader.info().utf8_text.iter().find(|chunk| chunk.keyword == key);
+    chunk.map(|chunk| chunk.get_text().map_err(|e| fail(e.to_string()))).transpose()
 }
 
 /// Converts a linear colour that is premultiplied by its opacity to 8-bit sRGB with straight alpha; black if the

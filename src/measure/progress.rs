@@ -22,6 +22,9 @@ pub enum StepKind {
     /// Step of a measurement for the ablation study of one shadow method, in which each renderer optimization is
     /// disabled in turn.
     Ablation,
+    /// Step of a measurement that tests all shadow methods in one case of the stability suite, or in one cell of the
+    /// benchmark.
+    Case,
     /// Step of a measurement that tries one choice of method settings, in a search within a memory or time budget.
     Trial,
 }

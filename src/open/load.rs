@@ -3,7 +3,7 @@
 
 use super::masking::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
-use super::{Diagnostic, Read, SceneSettings};
+use super::{Diagnostic, Read, SceneSettings, user_presets};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::render::VisibleBounds;
@@ -86,7 +86,7 @@ impl SceneSettings {
     /// # Errors
     /// A transfer function cannot be found or read, or settings contradict each other.
     pub fn functions(&self, is_labelled: bool) -> Result<Functions> {
-        let found = |tf: &String| Ok((presets::located(tf), presets::find(tf)?));
+        let found = |tf: &String| Ok((user_presets::located(tf), presets::find(tf)?));
         let whole = self.tf.as_ref().map(found).transpose()?;
         let of_labels = self.masking.find(is_labelled)?;
         self.check_lights()?;
@@ -128,8 +128,9 @@ impl SceneSettings {
         };
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        // Each label's transfer function has its own factor: that of a preset does not apply to a file.
-        let own = Suiting { units: suiting.units, ..self.suiting() };
+        // Each label's transfer function has its own factor, since that of a preset does not apply to a file. The
+        // units of the volume are found again, so that notes give the reason for them.
+        let own = self.suiting();
         tf.rules = self.masking.rules(functions.of_labels, &tf, &volume, own, &mut diagnostics)?;
         tf.clip = self.masking.planes(strands.is_some())?;
         diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));

@@ -29,5 +29,5 @@ pub use meshes::{OpaqueFile, OpaqueFlags};
 pub use request::{RunFlags, SceneArgs, SceneRequest};
 pub use scene_file::flag_error;
 pub use settings::{DEFAULT_VOLUME, SceneSettings};
-pub use strands::{StrandFlags, is_strand_source, lacks_thickness, load_strands};
+pub use strands::{StrandFlags, is_strand_source, lacks_thickness, load_any_strands, load_strands};
 pub use values::{resolution as parse_resolution, thickness_mm as parse_thickness_mm};

@@ -1,6 +1,6 @@
 //! Finds the transfer function of `--tf`, a preset or a file, and adapts it to a volume.
 
-use super::units::{Meaning, Units, ValueKind, of_strands};
+use super::units::{Meaning, Units, ValueKind, background_note, of_strands};
 use super::user_presets;
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
@@ -8,7 +8,6 @@ use crate::transfer::TransferFunction;
 use crate::transfer::formats::{self, Imported, has_fractions};
 pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
-use itertools::Itertools as _;
 use std::path::Path;
 
 /// Range of HU that is mapped to the volume's value range when a transfer-function preset in HU is used for a volume
@@ -61,13 +60,6 @@ pub struct ResolvedTransferFunction {
     pub suiting: Suiting,
 }
 
-/// Returns the name of a built-in preset, or the path of a file. A preset of the user becomes the path of its file.
-pub fn located(name_or_path: &str) -> String {
-    let is_preset = PRESETS.iter().any(|preset| preset.name == name_or_path);
-    let user_path = if is_preset { None } else { user_presets::path_of(name_or_path) };
-    user_path.map_or_else(|| name_or_path.to_owned(), |path| path.display().to_string())
-}
-
 /// Finds a transfer function: a preset by its name (built-in, or of the user), or else a file by its path.
 ///
 /// # Errors
@@ -76,13 +68,12 @@ pub fn find(name_or_path: &str) -> Result<Found> {
     if let Some(preset) = PRESETS.iter().find(|p| p.name == name_or_path) {
         return Ok(Found::Preset(preset));
     }
-    let located = located(name_or_path);
+    let located = user_presets::located(name_or_path);
     let path = Path::new(&located);
     if formats::has_ending(path) || path.exists() {
         return formats::read(path).map(Found::File);
     }
-    let of_user = user_presets::user_presets();
-    let names = PRESETS.iter().map(|p| p.name).chain(of_user.iter().map(|p| &*p.name)).join(", ");
+    let names = user_presets::names();
     let endings = formats::endings().join(", .");
     let meant = PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(name_or_path));
     let meant = meant.map_or(String::new(), |preset| format!("did you mean `{}`? ", preset.name));
@@ -167,6 +158,7 @@ fn preset_for(
             if meaning.is_guess {
                 notes.push(format!("values are taken as {}", meaning.text()));
             }
+            notes.extend(background_note(volume, &tf, &name));
             tf
         }
         Scale::Hounsfield => {

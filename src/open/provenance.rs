@@ -1,6 +1,7 @@
 //! Provenance of results: the record of a scene in a results folder, and the text entries of a picture file.
 
 use super::presets::{self, PRESETS};
+use super::scene_file::SCENE_KEY;
 use super::{Loaded, SceneSettings};
 use crate::error::Result;
 use crate::files::hash::sha256;
@@ -72,10 +73,7 @@ pub fn function_text(loaded: &Loaded) -> Result<Option<String>> {
 pub fn picture_texts(adapter: &str, scene: Option<&SceneSettings>) -> Result<Vec<(String, String)>> {
     let program = format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"));
     let scene = scene.map(SceneSettings::to_toml).transpose()?;
-    let texts = [
-        ("Software", Some(program)),
-        ("umbravox:adapter", Some(adapter.to_owned())),
-        ("umbravox:scene", scene),
-    ];
+    let texts =
+        [("Software", Some(program)), ("umbravox:adapter", Some(adapter.to_owned())), (SCENE_KEY, scene)];
     Ok(texts.into_iter().filter_map(|(key, text)| Some((key.to_owned(), text?))).collect())
 }

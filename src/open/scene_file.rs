@@ -6,6 +6,7 @@ use super::presets::PRESETS;
 use super::{SceneRequest, SceneSettings};
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
+use crate::files::picture::{is_png, png_text};
 use clap::{ArgAction, Args, FromArgMatches};
 use std::error::Error as _;
 use std::path::Path;
@@ -13,14 +14,19 @@ use toml::{Table, Value};
 
 const WHAT: &str = "cannot read scene file";
 
+/// Key of the scene file in the metadata of a picture.
+pub const SCENE_KEY: &str = "umbravox:scene";
+
 impl SceneRequest {
-    /// Reads a scene file (TOML). A relative path in it means a file beside the scene file, or else in the working
-    /// folder.
+    /// Reads a scene file (TOML), or the scene that a PNG picture of this program contains. A relative path in it
+    /// means a file beside the scene file, or else in the working folder.
     ///
     /// # Errors
-    /// The file cannot be read, is not TOML, or has an unknown key or a value out of range.
+    /// The file cannot be read, is not TOML, or has an unknown key or a value out of range; a picture contains no
+    /// scene.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut request = Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))?;
+        let text = if is_png(path) { scene_of_picture(path)? } else { read_text(path, WHAT)? };
+        let mut request = Self::from_toml(&text).map_err(|e| e.at(path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let SceneSettings { volume, tf, masking, opaque, .. } = &mut request.settings;
         let names = [volume, tf].into_iter().flatten();
@@ -108,6 +114,15 @@ impl SceneSettings {
     pub fn to_toml(&self) -> Result<String> {
         toml::to_string(self).map_err(|e| Error::input("cannot write scene", "settings", e))
     }
+}
+
+/// Returns the text of the scene file in the metadata of a PNG picture.
+fn scene_of_picture(path: &Path) -> Result<String> {
+    png_text(path, SCENE_KEY)?.ok_or_else(|| {
+        Error::input(WHAT, path.display(), "the picture contains no scene").hint(
+            "pictures of `render` and of the window contain it, unless another program has saved them again",
+        )
+    })
 }
 
 /// Converts a TOML value of a scene file to the text that the command-line flag of the same name takes.
@@ -287,6 +302,29 @@ mod tests {
         assert_eq!(paths, [&*here, "elsewhere.stl", "phantom:hair-fur"]);
         let sources: Vec<_> = opaque.strands.unwrap().into_iter().map(|strands| strands.source).collect();
         assert_eq!(sources, paths);
+    }
+
+    #[test]
+    fn the_scene_in_a_picture_is_read() {
+        use crate::files::picture::{Backdrop, write_picture_with};
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("picture.png");
+        let write = |texts: &[(&str, &str)]| {
+            let texts: Vec<_> = texts.iter().map(|(k, t)| ((*k).to_owned(), (*t).to_owned())).collect();
+            let picture = ndarray::Array3::<f32>::zeros((2, 3, 4));
+            write_picture_with(&path, &picture, Backdrop::Drawn, &texts).unwrap();
+        };
+        write(&[("Software", "test"), (SCENE_KEY, "volume = 'phantom:slab:8'\nfov = 40\nname = 'Körper'")]);
+        let settings = SceneRequest::read(&path).unwrap().settings;
+        assert_eq!(
+            (settings.volume.as_deref(), settings.name.as_deref()),
+            (Some("phantom:slab:8"), Some("Körper"))
+        );
+        write(&[("Software", "test")]);
+        let e = SceneRequest::read(&path).unwrap_err();
+        assert!(e.exit_status() == 2 && e.why.contains("no scene") && e.hint.is_some(), "{e}");
+        std::fs::write(&path, b"\x89PNG\r\n\x1a\n cut").unwrap();
+        assert_eq!(SceneRequest::read(&path).unwrap_err().exit_status(), 2);
     }
 
     #[test]

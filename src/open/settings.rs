@@ -15,6 +15,7 @@ use crate::shadow::{METHODS, Method, MethodSpec};
 use clap::Args;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
+use std::path::Path;
 
 /// Volume that is shown if the user gives none, a built-in one.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
@@ -164,6 +165,19 @@ impl SceneSettings {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
             flags: self.read_flags,
+        }
+    }
+
+    /// Returns an error if the scene's volume is a file or folder that does not exist.
+    ///
+    /// # Errors
+    /// There is no such file or folder.
+    pub fn check_volume_exists(&self) -> Result<()> {
+        match &self.volume {
+            Some(source) if !source.starts_with("phantom:") && !Path::new(source).exists() => {
+                Err(Error::input("cannot read volume", source, "there is no such file or folder"))
+            }
+            _ => Ok(()),
         }
     }
 

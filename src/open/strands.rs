@@ -58,6 +58,19 @@ pub fn lacks_thickness(source: &str) -> bool {
 /// # Errors
 /// The file cannot be read, the name is unknown, or neither file nor caller gives a diameter.
 pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) -> Result<Strands> {
+    let strands = load_any_strands(source, thickness_mm, loading)?;
+    if !strands.has_thickness() {
+        return Err(Error::input("cannot use strands", source, "the file has no thickness")
+            .hint("give a diameter with --thickness MM"));
+    }
+    Ok(strands)
+}
+
+/// Reads or builds strands as [`load_strands`] does, also from a file without thickness.
+///
+/// # Errors
+/// The file cannot be read, the name is unknown, or the given diameter is out of range.
+pub fn load_any_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) -> Result<Strands> {
     let strands = match source.strip_prefix("phantom:") {
         Some(name) => {
             let (set, segments) = StrandSet::parse(name)?;
@@ -67,8 +80,6 @@ pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) 
     };
     match thickness_mm {
         Some(mm) => strands.with_thickness(mm),
-        None if strands.has_thickness() => Ok(strands),
-        None => Err(Error::input("cannot use strands", source, "the file has no thickness")
-            .hint("give a diameter with --thickness MM")),
+        None => Ok(strands),
     }
 }

@@ -4,6 +4,7 @@
 //! for rescaled 8-bit values.
 
 use crate::strands::STRANDS_FORMAT;
+use crate::transfer::TransferFunction;
 use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use serde::Serialize;
@@ -110,7 +111,7 @@ impl Meaning {
         } else if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
             (ValueKind::Other, format!("{range} go beyond HU"))
         } else {
-            let ValueSummary { air, soft } = ValueSummary::of(volume);
+            let ValueSummary { air, soft, .. } = ValueSummary::of(volume);
             let percent = |share: f64| (100.0 * share).round();
             let is_dense = air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * near_air(low, high);
             let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
@@ -146,17 +147,37 @@ impl Meaning {
     }
 }
 
-/// Shares of air and of soft tissue among the examined voxels of a volume.
+/// Smallest share of voxels with exactly the volume's lowest value that suggests a background.
+const BACKGROUND_SHARE: f64 = 0.3;
+
+/// Returns a note for the user if a transfer function makes the probable background of a volume visible: its lowest
+/// value, which very many voxels have. `name` is the name of the transfer function in the note.
+pub fn background_note(volume: &Volume, tf: &TransferFunction, name: &str) -> Option<String> {
+    let [low, high] = volume.value_range();
+    // Most transfer functions hide the lowest value, so that the voxels are rarely counted.
+    let is_visible = high > low && tf.extinction(low) > 0.0;
+    let share = is_visible.then(|| ValueSummary::of(volume).lowest).filter(|s| *s >= BACKGROUND_SHARE)?;
+    Some(format!(
+        "{:.0} % of the voxels are {low}, the lowest value, and {name} makes it visible; if it is the background, \
+         choose another --tf, or --units",
+        100.0 * share
+    ))
+}
+
+/// Shares of air, of soft tissue and of the lowest value among the examined voxels of a volume.
 struct ValueSummary {
     air: f64,
     soft: f64,
+    /// Share of voxels that have exactly the lowest value of the volume.
+    lowest: f64,
 }
 
 impl ValueSummary {
     /// Computes the shares of air and soft tissue from voxels that are evenly spread over the volume.
     fn of(volume: &Volume) -> Self {
         let scaling = volume.scaling();
-        let [mut air, mut soft] = [0usize; 2];
+        let lowest_value = volume.value_range()[0];
+        let [mut air, mut soft, mut lowest] = [0usize; 3];
         let looked_at = with_voxels!(volume.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
             let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
@@ -165,6 +186,7 @@ impl ValueSummary {
             let mut count = 0usize;
             for value in picked.map(|v| scaling.apply(v.to_f64())) {
                 count += 1;
+                lowest += usize::from(value == lowest_value);
                 air += usize::from((value - AIR_HU).abs() <= AIR_WIDTH);
                 // A background of exactly 0 is no tissue.
                 soft += usize::from(value != 0.0 && (SOFT_HU[0]..=SOFT_HU[1]).contains(&value));
@@ -172,7 +194,7 @@ impl ValueSummary {
             count
         });
         let share = |count: usize| count as f64 / looked_at.max(1) as f64;
-        Self { air: share(air), soft: share(soft) }
+        Self { air: share(air), soft: share(soft), lowest: share(lowest) }
     }
 }
 
@@ -230,6 +252,19 @@ mod tests {
             let meaning = Meaning::of(&volume(other), None);
             assert!(meaning.kind == ValueKind::Other && meaning.is_guess, "{i}: {}", meaning.text());
         }
+    }
+
+    #[test]
+    fn a_visible_background_gets_a_note() {
+        use crate::transfer::presets::PRESETS;
+        let preset = |name: &str| PRESETS.iter().find(|p| p.name == name).unwrap().transfer_function();
+        // Vessels in a background of 0, as angiographies without bone have.
+        let angiography = volume(|s| if s < 0.9 { 0.0 } else { 560.0 * s });
+        let note = background_note(&angiography, &preset("ct"), "preset `ct`").unwrap();
+        assert!(note.starts_with("90 % of the voxels are 0, ") && note.contains("preset `ct`"), "{note}");
+        assert_eq!(background_note(&angiography, &preset("vessels"), ""), None, "0 is transparent");
+        assert_eq!(background_note(&volume(|s| 560.0 * s), &preset("ct"), ""), None, "no value is frequent");
+        assert_eq!(background_note(&volume(|_| 40.0), &preset("ct"), ""), None, "a constant volume");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Presets of the user: transfer-function files in a folder of the configuration, which are found by their names.
 
-use super::presets::PRESETS;
 use crate::transfer::formats;
+use crate::transfer::presets::PRESETS;
 use itertools::Itertools as _;
 use std::path::PathBuf;
 
@@ -33,4 +33,17 @@ pub fn user_presets() -> Vec<UserPreset> {
 /// Returns the path of the user's preset of a name.
 pub fn path_of(name: &str) -> Option<PathBuf> {
     user_presets().into_iter().find(|preset| preset.name == name).map(|preset| preset.path)
+}
+
+/// Returns the name of a built-in preset, or the path of a file. A preset of the user becomes the path of its file.
+pub fn located(name_or_path: &str) -> String {
+    let is_preset = PRESETS.iter().any(|preset| preset.name == name_or_path);
+    let user_path = if is_preset { None } else { path_of(name_or_path) };
+    user_path.map_or_else(|| name_or_path.to_owned(), |path| path.display().to_string())
+}
+
+/// Returns the names of all presets, built-in ones first, separated by commas.
+pub fn names() -> String {
+    let built_in = PRESETS.iter().map(|preset| preset.name.to_owned());
+    built_in.chain(user_presets().into_iter().map(|preset| preset.name)).join(", ")
 }

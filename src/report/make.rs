@@ -9,6 +9,7 @@ pub use super::made::{Made, ReferencePicture};
 use super::run::Run;
 use super::tables::{Layout, write_tables};
 use crate::error::Result;
+use crate::files::input::source_name;
 use crate::measure::ablate;
 use crate::measure::budget::Budget;
 use crate::measure::compare::{compare_within, steps};
@@ -197,8 +198,8 @@ impl Made {
         let files = Files {
             tables,
             plots: write_scene_plots(&rows, &self.run, folder)?,
-            pictures: write_pictures(&self, folder, layout.tex_width_pt)?,
-            report: write_page(&self, folder)?,
+            pictures: write_pictures(&self, folder, layout)?,
+            report: write_page(&self, folder, layout.difference_max)?,
             budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self
                 .ablations
@@ -236,7 +237,7 @@ fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<N
 /// Short scene name from volume and transfer function, for example `CT_AVM, CT bone`.
 pub fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
     let source = &volume.provenance.source;
-    let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
+    let file = source_name(source);
     let stem = file.strip_suffix(".gz").unwrap_or(file);
     let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
     let volume = stem.strip_prefix("phantom:").unwrap_or(stem);

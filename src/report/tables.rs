@@ -21,6 +21,8 @@ pub struct Layout {
     pub columns: Option<Vec<String>>,
     /// Largest width of the LaTeX table, and width of the figure of all methods' pictures, points.
     pub tex_width_pt: f64,
+    /// Upper end of the colour bar of all difference images; with `None` it follows from the differences.
+    pub difference_max: Option<f32>,
 }
 
 impl Layout {
@@ -38,7 +40,7 @@ impl Layout {
 
 impl Default for Layout {
     fn default() -> Self {
-        Self { columns: None, tex_width_pt: Self::TEX_WIDTH_PT }
+        Self { columns: None, tex_width_pt: Self::TEX_WIDTH_PT, difference_max: None }
     }
 }
 

@@ -151,6 +151,13 @@ fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
     bench.app().model.messages.clear();
     bench.app().model.export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
     assert!(bench.app().model.messages[0].is_error);
+    // Errors end with the next volume.
+    bench.app().model.open_source("phantom:slab:8");
+    bench
+        .wait_for("slab", |app| app.model.document.as_ref().unwrap().spec.source.starts_with("phantom:slab"));
+    bench.settle();
+    assert!(!bench.app().model.messages.iter().any(|m| m.is_error), "{:?}", bench.app().model.messages);
+    assert!(!bench.app().model.uploading);
 }
 
 #[test]

@@ -461,6 +461,42 @@ def dicom_rarities():
         say(name, "pydicom", affine, back.astype("float64") * 2 + 1)
 
 
+def dicom_segmentations():
+    """A segmentation of one bit a pixel: two segments in slices 0, 1 and 3; slice 2 is empty."""
+    affine = LPS @ np.array([[0.7, 0, 0, 10.5], [0, 0.8, 0, -20.25], [0, 0, 2.5, 30], [0, 0, 0, 1]])
+    rng = np.random.default_rng(7)
+    frames = [(1, 0, rng.random((4, 5)) < 0.5), (2, 0, rng.random((4, 5)) < 0.3), (1, 1, rng.random((4, 5)) < 0.5),
+              (2, 3, rng.random((4, 5)) < 0.5)]
+    values = np.zeros((5, 4, 4))
+    for segment, k, mask in frames:
+        values[:, :, k][mask.T] = segment
+    path = OUT / "dicom_segments.dcm"
+    dicom_file(path, np.zeros((4, 5), "uint8"), [10.5, -20.25, 30], [1, 0, 0, 0, 1, 0], bits=8, modality="SEG")
+    ds = pydicom.dcmread(path)
+    del ds.ImagePositionPatient, ds.ImageOrientationPatient, ds.PixelSpacing, ds.SliceThickness, ds.RescaleSlope, ds.RescaleIntercept
+    ds.BitsAllocated, ds.BitsStored, ds.HighBit, ds.NumberOfFrames = 1, 1, 0, len(frames)
+    ds.SegmentationType = "BINARY"
+
+    def item(**values):
+        own = Dataset()
+        for key, value in values.items():
+            setattr(own, key, value)
+        return Sequence([own])
+    ds.SegmentSequence = Sequence([item(SegmentNumber=n, SegmentLabel=name)[0] for n, name in [(1, "Left lung"), (2, "Rib")]])
+    ds.SharedFunctionalGroupsSequence = item(
+        PlaneOrientationSequence=item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]),
+        PixelMeasuresSequence=item(PixelSpacing=[0.8, 0.7], SliceThickness=2.5))
+    ds.PerFrameFunctionalGroupsSequence = Sequence([item(
+        SegmentIdentificationSequence=item(ReferencedSegmentNumber=segment),
+        PlanePositionSequence=item(ImagePositionPatient=[10.5, -20.25, 30 + 2.5 * k]))[0] for segment, k, _ in frames])
+    bits = np.concatenate([mask.ravel() for _, _, mask in frames])
+    ds.PixelData = np.packbits(bits, bitorder="little").tobytes()
+    ds["PixelData"].VR = "OB"
+    ds.save_as(path, enforce_file_format=True)
+    assert (np.concatenate([f.ravel() for f in pydicom.dcmread(path).pixel_array]) == bits).all()
+    say("dicom_segments.dcm", "definition", affine, values, warning="belong to several segments")
+
+
 # --- OME-Zarr, by ome-zarr and zarr ----------------------------------------------------------------------------------
 def zarr_image(name, array, fmt, units, **more):
     """An image of two levels; `array` has the axes that `units` names."""
@@ -582,7 +618,7 @@ def vtis():
         say(name, "VTK", affine, values.reshape((5, 4, 3), order="F"))
 
 
-MAKERS = (nrrds, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, zarrs, vtis)
+MAKERS = (nrrds, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, dicom_segmentations, zarrs, vtis)
 
 if __name__ == "__main__":
     kinds = sys.argv[1:]

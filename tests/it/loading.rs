@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::files::loading::{Loading, ReadingProgress, ReadingStage};
 use umbravox::formats::write_nifti;
-use umbravox::open::{VolumeSpec, load};
+use umbravox::open::{SceneRequest, VolumeSpec, load};
 use umbravox::strands::{StrandSet, write_hair};
 use umbravox::volume::Histogram;
 
@@ -152,4 +152,21 @@ fn a_cancelled_reading_does_not_begin() {
         assert!(error.to_string().contains("cancelled") && error.exit_status() == 1, "{source}: {error}");
         assert_eq!(loading.progress().share, 0.0, "{source}");
     }
+}
+
+#[test]
+fn notes_on_functions_of_labels_give_the_true_reason_for_the_units() {
+    let dir = tempfile::tempdir().unwrap();
+    let raw = dir.path().join("small_4x4x4_uint8.raw");
+    std::fs::write(&raw, (0..64).map(|i| 3 * i + i % 2).collect::<Vec<u8>>()).unwrap();
+    let labels = dir.path().join("labels_4x4x4_uint8.raw");
+    std::fs::write(&labels, (0..64).map(|i| i % 5).collect::<Vec<u8>>()).unwrap();
+    let scene = format!("volume = '{}'\nlabels = '{}'\nlabel-tf = '4=skin'", raw.display(), labels.display());
+    let loaded = SceneRequest::from_toml(&scene).unwrap().settings.load(&Loading::default()).unwrap();
+    let notes: Vec<_> = loaded.diagnostics.iter().map(|d| d.message.as_str()).collect();
+    assert!(
+        notes.iter().any(|note| note.contains("`skin`") && note.contains("span too little")),
+        "{notes:?}"
+    );
+    assert!(!notes.iter().any(|note| note.contains("(--units fraction)")), "{notes:?}");
 }

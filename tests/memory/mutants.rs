@@ -86,6 +86,7 @@ static SEEDS: &[Seed] = &[
     seed("nifti", "one.nii.gz", "one.nii.gz"),
     seed("raw", "v.raw", "v.raw.json"),
     seed("dicom", "dicom_oblique/90.dcm", "dicom_oblique/90.dcm"),
+    seed("dicom", "dicom_segments.dcm", "dicom_segments.dcm"),
     seed("dicom", "dicom_signed_implicit/90.dcm", "dicom_signed_implicit/90.dcm"),
     seed("dicom", "dicom_big/90.dcm", "dicom_big/90.dcm"),
     seed("dicom", "dicom_deflated/90.dcm", "dicom_deflated/90.dcm"),

@@ -1,9 +1,9 @@
 //! List of transfer-function presets, each with a thumbnail of the open volume.
 
-use super::widgets::file_name;
 use crate::app::model::Model;
 use crate::app::picture_shape::{Place, shape};
 use crate::engine::messages::{Job, Thumbnail, ThumbnailRequest};
+use crate::files::input::source_name;
 use crate::open::presets::{self, PRESETS, Preset};
 use crate::render::DisplayTexture;
 use crate::scene::{Scene, Shading, Skip};
@@ -38,7 +38,7 @@ impl Presets {
         let edited = if document.tf_edited() { " (edited)" } else { "" };
         let mut chosen = None;
         let list = egui::ComboBox::from_id_salt("preset")
-            .selected_text(format!("{}{edited}", file_name(name)))
+            .selected_text(format!("{}{edited}", source_name(name)))
             .width(150.0)
             .height(460.0_f32.min(ui.ctx().content_rect().height() - 100.0))
             .show_ui(ui, |ui| {

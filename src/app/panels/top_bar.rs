@@ -1,9 +1,10 @@
 //! Menu bar of the viewer window.
 
 use super::prompt::Purpose;
-use super::widgets::{file_name, unfilled};
+use super::widgets::unfilled;
 use super::windows::Windows;
 use crate::app::model::Model;
+use crate::files::input::source_name;
 use crate::phantom::Phantom;
 use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
@@ -28,7 +29,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
                 ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                     let Some(document) = &model.document else { return };
                     let source = &document.volume.provenance.source;
-                    ui.add(egui::Label::new(egui::RichText::new(file_name(source)).strong()).truncate())
+                    ui.add(egui::Label::new(egui::RichText::new(source_name(source)).strong()).truncate())
                         .on_hover_text(source);
                 });
             });

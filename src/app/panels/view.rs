@@ -2,13 +2,13 @@
 
 use super::difference::Difference;
 use super::slices::Slices;
-use super::widgets::file_name;
 use super::{cube, overlays, pointer};
 use crate::app::model::Model;
 use crate::app::panels::widgets::tag;
 use crate::app::picture_shape::{Place, shape as shown};
 use crate::app::theme;
 use crate::engine::messages::MethodFrame;
+use crate::files::input::source_name;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
@@ -64,13 +64,28 @@ fn view(
     if model.document.is_some() {
         overlays::paint(ui, rect, below_tags, model, difference);
         cube::show(ui, rect, model);
-    } else if model.reading.is_none() {
-        let text = "Drop a volume here, or choose File › Open";
+    }
+    if let Some(text) = text_without_picture(model) {
         let font = FontId::proportional(18.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, font, theme::DIM_OVER_PICTURE);
     }
     reading(ui, rect, model);
     messages(ui, rect, model);
+}
+
+/// Returns the text in the middle of the view while it has no picture: work in progress, or how to open a volume.
+fn text_without_picture(model: &Model) -> Option<&'static str> {
+    // The progress of reading has a place of its own.
+    if model.reading.is_some() || model.frame.is_some() {
+        return None;
+    }
+    let is_due = model.document.is_some() && !model.settled;
+    match &model.document {
+        _ if model.uploading || is_due => Some("Preparing the first picture…"),
+        None => Some("Drop a volume here, or choose File › Open"),
+        // The first picture failed, and a message says why.
+        Some(_) => None,
+    }
 }
 
 /// Paints the pictures of one or two shadow methods, or their error heat maps.
@@ -133,7 +148,7 @@ fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
     let Some(reading) = &model.reading else { return };
     let progress = reading.loading.progress();
     let source = reading.source.as_str();
-    let name = file_name(source);
+    let name = source_name(source);
     let seconds = reading.since.elapsed().as_secs_f64();
     let width = READING_WIDTH.min(rect.width() - 24.0).max(160.0);
     let mut cancelled = false;

@@ -72,11 +72,6 @@ pub fn method_name(spec: &str) -> &str {
     spec.split(':').next().unwrap_or(spec)
 }
 
-/// Returns the file name of a path, or of the source (path or name) of a volume.
-pub fn file_name(source: &str) -> &str {
-    source.rsplit(['/', '\\']).next().unwrap_or(source)
-}
-
 /// Projects a world point onto the picture on screen. `None` if it is behind the camera or outside the picture.
 pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
     project_anywhere(camera, rect, point).filter(|p| rect.contains(*p))

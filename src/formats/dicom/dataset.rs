@@ -55,6 +55,12 @@ impl DataSet {
         levels.into_iter().flatten().find(|attributes| attributes.has(tag))
     }
 
+    /// Whether a DICOM file is a segmentation of one bit a pixel.
+    pub(super) fn is_segmentation(&self) -> bool {
+        let is_of_bits = self.root.integer(tags::BITS_ALLOCATED) == Some(1);
+        is_of_bits && self.root.text(tags::MODALITY).as_deref() == Some("SEG")
+    }
+
     /// Reads a byte range of a DICOM file, or of its inflated data set.
     pub(super) fn bytes(&self, path: &Path, span: Span) -> Result<Vec<u8>, String> {
         let early = || String::from("its pixels end early");

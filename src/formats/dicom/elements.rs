@@ -35,15 +35,15 @@ const MAX_INFLATED_BYTES: u64 = 1 << 31;
 const MAX_INFLATED_RATIO: u64 = 100;
 const SMALL_INFLATED_BYTES: u64 = 16 << 20;
 
-/// Group numbers of the DICOM attributes that describe images.
-const IMAGE_GROUPS: [u16; 5] = [0x0008, 0x0018, 0x0020, 0x0028, 0x3004];
+/// Group numbers of the DICOM attributes that describe images and segmentations.
+const IMAGE_GROUPS: [u16; 6] = [0x0008, 0x0018, 0x0020, 0x0028, 0x0062, 0x3004];
 
-/// Whether the value of a DICOM attribute is read. Only numbers, codes, identifiers, the series description and the
-/// rescale type are read; names of people and dates are never read.
+/// Whether the value of a DICOM attribute is read. Only numbers, codes, identifiers, the series description, the
+/// rescale type and labels of segments are read; names of people and dates are never read.
 fn is_wanted(tag: Tag, vr: VR) -> bool {
     use VR::{CS, DS, FD, FL, IS, OB, OW, SL, SS, UI, UL, UN, US};
     let is_number = matches!(vr, CS | DS | FD | FL | IS | OB | OW | SL | SS | UI | UL | UN | US);
-    let is_text = [tags::SERIES_DESCRIPTION, tags::RESCALE_TYPE].contains(&tag);
+    let is_text = [tags::SERIES_DESCRIPTION, tags::RESCALE_TYPE, tags::SEGMENT_LABEL].contains(&tag);
     IMAGE_GROUPS.contains(&tag.group()) && (is_number || is_text)
 }
 
@@ -53,15 +53,17 @@ const ITEM_END: Tag = Tag(0xfffe, 0xe00d);
 const SEQUENCE_END: Tag = Tag(0xfffe, 0xe0dd);
 
 /// DICOM sequences that are read with their items if they stand at the root of a DICOM file.
-const ITEM_SEQUENCES: [Tag; 3] = [
+const ITEM_SEQUENCES: [Tag; 4] = [
     tags::MODALITY_LUT_SEQUENCE,
+    tags::SEGMENT_SEQUENCE,
     tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE,
     tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE,
 ];
 
 /// DICOM sequences inside a functional group that describe an image frame. Their attributes are stored as if they
 /// stood directly in the functional group.
-const FRAME_SEQUENCES: [Tag; 7] = [
+const FRAME_SEQUENCES: [Tag; 8] = [
+    tags::SEGMENT_IDENTIFICATION_SEQUENCE,
     tags::PLANE_POSITION_SEQUENCE,
     tags::PLANE_ORIENTATION_SEQUENCE,
     tags::PIXEL_MEASURES_SEQUENCE,

@@ -8,13 +8,14 @@ mod attributes;
 mod dataset;
 mod elements;
 mod pixels;
+mod segmentation;
 mod series;
 mod stack;
 mod table;
 
-use self::dataset::Span;
+use self::dataset::{DataSet, Span};
 use self::elements::is_dicom as is_dicom_head;
-use self::pixels::{Layout, lossy_warning, read_frame, spans};
+use self::pixels::{Fault, Layout, lossy_warning, read_frame, spans};
 use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
 use self::table::Table;
@@ -39,16 +40,39 @@ pub fn is_dicom(head: &Head) -> bool {
     }
 }
 
+/// Largest share of the files of a DICOM series that may be skipped because their pixels cannot be decoded: one in so
+/// many.
+const DAMAGED_SHARE: usize = 10;
+
+/// Describes each DICOM series of a folder in one line, in the order of `--series` from 1.
+///
+/// # Errors
+/// The folder holds no DICOM images, or too many files.
+pub fn series_of(folder: &Path) -> Result<Vec<String>> {
+    Ok(series::all(folder, &Loading::default())?.0.iter().map(Series::summary).collect())
+}
+
 /// Lists the files of one DICOM series, sorted by name. In a folder with several series, `chosen` (an index from 1)
 /// selects one.
 ///
 /// # Errors
 /// The path holds no DICOM series, or several series and `chosen` selects none.
 pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
+    if segmentation_of(path).is_some() {
+        return Ok(vec![path.into()]);
+    }
     let series = series::find(path, chosen, &Loading::default())?;
     let mut files: Vec<PathBuf> = series.images.iter().map(|image| image.path.clone()).collect();
     files.sort();
     Ok(files)
+}
+
+/// Reads the attributes of a DICOM file if it is a segmentation of one bit a pixel.
+fn segmentation_of(path: &Path) -> Option<DataSet> {
+    if path.is_dir() {
+        return None;
+    }
+    DataSet::read(path).ok().filter(DataSet::is_segmentation)
 }
 
 /// Reads one frame (time point) of a DICOM series as a volume; `frame` is its index from 0. In a folder with several
@@ -59,11 +83,28 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
 /// a regular grid.
 pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loading) -> Result<Volume> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
-    let series = series::find(path, chosen, loading)?;
-    let stack = stack::stack(&series, frame).map_err(refuse)?;
-    let values = ValueMapping::new(&series, &stack).map_err(refuse)?;
+    if let Some(set) = segmentation_of(path) {
+        return segmentation::read(path, &set, frame).map_err(refuse);
+    }
+    let mut series = series::find(path, chosen, loading)?;
+    let most_damaged = series.images.len().div_ceil(DAMAGED_SHARE);
+    let mut undecodable: Option<String> = None;
+    let (stack, values, (voxels, padded)) = loop {
+        // If the other slices form no grid, the damaged slice is the reason.
+        let refuse = |why: String| refuse(undecodable.clone().unwrap_or(why));
+        let stack = stack::stack(&series, frame).map_err(refuse)?;
+        let values = ValueMapping::new(&series, &stack).map_err(refuse)?;
+        match voxels(&series, &stack, &values, loading) {
+            Ok(read) => break (stack, values, read),
+            Err(fault) => {
+                let why = fault.why.clone();
+                loading.go_on(&path.display().to_string())?;
+                series.skip_damaged(fault, path, most_damaged).map_err(refuse)?;
+                undecodable.get_or_insert(why);
+            }
+        }
+    };
     let mut warnings = stack.warnings.clone();
-    let (voxels, padded) = voxels(&series, &stack, &values, loading).map_err(refuse)?;
     loading.go_on(&path.display().to_string())?;
     if padded > 0 {
         warnings.push(format!("{padded} voxels hold no value (padding): they became the smallest value"));
@@ -191,7 +232,7 @@ fn voxels(
     stack: &Stack,
     values: &ValueMapping,
     loading: &Loading,
-) -> Result<(Voxels, usize), String> {
+) -> Result<(Voxels, usize), Fault> {
     let resamples = stack.layers.iter().any(|l| matches!(l, Layer::Between(..)));
     let Layout { stored, is_signed, is_float, allocated, .. } = values.layout;
     macro_rules! gathered {
@@ -220,10 +261,6 @@ struct Holes {
     range: [f64; 2],
 }
 
-fn named(image: &Image, why: String) -> String {
-    format!("{}: {why}", image.path.display())
-}
-
 /// Reader of the slices of a DICOM series.
 struct SliceReader<'a> {
     series: &'a Series,
@@ -235,7 +272,7 @@ struct SliceReader<'a> {
 
 impl SliceReader<'_> {
     /// Returns the pixel values of one DICOM slice. Padding pixels are NaN; a later step replaces them.
-    fn values(&self, at: usize) -> Result<Vec<f64>, String> {
+    fn values(&self, at: usize) -> Result<Vec<f64>, Fault> {
         let slice = &self.stack.slices[at];
         let image = &self.series.images[slice.image];
         let scaling = self.values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
@@ -257,7 +294,7 @@ impl SliceReader<'_> {
             }
         };
         read_frame(&image.path, &image.set, &image.layout, spans, &mut out, value)
-            .map_err(|e| named(image, e))?;
+            .map_err(|why| Fault::of_image(slice.image, &image.path, &why))?;
         Ok(out)
     }
 }
@@ -270,23 +307,25 @@ fn gathered<T: Copy + Default + Send + Sync>(
     values: &ValueMapping,
     loading: &Loading,
     convert: impl Fn(f64) -> T + Sync,
-) -> Result<(Array3<T>, usize), String> {
+) -> Result<(Array3<T>, usize), Fault> {
     let Layout { rows, columns, .. } = values.layout;
-    let spans = |image: &Image| {
-        spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e))
+    let spans = |(at, image): (usize, &Image)| {
+        spans(&image.path, &image.set, &image.layout, image.frames)
+            .map_err(|why| Fault::of_image(at, &image.path, &why))
     };
-    let spans: Vec<_> = series.images.iter().map(spans).collect::<Result<_, _>>()?;
+    let spans: Vec<_> = series.images.iter().enumerate().map(spans).collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
-    let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
+    let count =
+        pixels.checked_mul(stack.layers.len()).ok_or_else(|| "more voxels than can be counted".to_owned())?;
     memory_budget::check_grid([columns, rows, stack.layers.len()], size_of::<T>() as u64)?;
     let mut all: Vec<T> = Vec::new();
-    all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
+    all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels".to_owned())?;
     all.resize(count, T::default());
     let slices = SliceReader { series, stack, values, spans };
     let pieces = loading.pieces(ReadingStage::Unpacking, stack.layers.len());
-    let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, String> {
+    let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, Fault> {
         if pieces.is_cancelled() {
-            return Err("it was cancelled".to_owned());
+            return Err("it was cancelled".to_owned().into());
         }
         let values = match *layer {
             Layer::Slice(at) => slices.values(at)?,
@@ -319,7 +358,7 @@ fn gathered<T: Copy + Default + Send + Sync>(
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], h| [a.min(h.range[0]), b.max(h.range[1])]);
     if low > high {
-        return Err("all of its pixels are padding".into());
+        return Err("all of its pixels are padding".to_owned().into());
     }
     // With a negative slope the largest stored number is the smallest value.
     let smallest = convert(if values.scaling.slope < 0.0 { high } else { low });
@@ -333,5 +372,5 @@ fn gathered<T: Copy + Default + Send + Sync>(
     }
     Array3::from_shape_vec((stack.layers.len(), rows, columns), all)
         .map(|array| (array, padded))
-        .map_err(|e| e.to_string())
+        .map_err(|e| e.to_string().into())
 }

@@ -4,7 +4,7 @@ use super::dataset::{DataSet, PixelData, Span, printable};
 use dicom_dictionary_std::uids;
 use dicom_encoding::TransferSyntaxIndex as _;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
-use jpeg_decoder::PixelFormat;
+use jpeg_decoder::{Error as JpegError, PixelFormat, UnsupportedFeature};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -59,6 +59,25 @@ impl Layout {
     /// Returns the value of a floating-point DICOM pixel.
     pub(super) fn float(&self, pixel: u64) -> f64 {
         if self.allocated == 64 { f64::from_bits(pixel) } else { f32::from_bits(pixel as u32).into() }
+    }
+}
+
+/// Reason why the voxels of a DICOM series cannot be read, with the index of the image file to blame, if any.
+pub(super) struct Fault {
+    pub(super) image: Option<usize>,
+    pub(super) why: String,
+}
+
+impl Fault {
+    /// Blames an image file of a series.
+    pub(super) fn of_image(at: usize, path: &Path, why: &str) -> Self {
+        Self { image: Some(at), why: format!("{}: {why}", path.display()) }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(why: String) -> Self {
+        Self { image: None, why }
     }
 }
 
@@ -244,7 +263,13 @@ fn check_size(width: usize, height: usize, layout: &Layout) -> Result<(), String
 fn jpeg(bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
     let mut decoder = jpeg_decoder::Decoder::new(bytes);
     decoder.set_max_decoding_buffer_size(4 * layout.frame_bytes() + 4096);
-    decoder.read_info().map_err(|e| e.to_string())?;
+    decoder.read_info().map_err(|e| match e {
+        JpegError::Unsupported(UnsupportedFeature::SamplePrecision(bits)) => format!(
+            "its pixels are lossy JPEG of {bits} bits, and only 8 are read; `gdcmconv --raw` or `dcmdjpeg` \
+             writes them without compression"
+        ),
+        e => e.to_string(),
+    })?;
     let info = decoder.info().ok_or("its pixels have no JPEG header")?;
     check_size(info.width.into(), info.height.into(), layout)?;
     let bytes = decoder.decode().map_err(|e| e.to_string())?;

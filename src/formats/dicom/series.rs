@@ -2,7 +2,7 @@
 
 use super::dataset::{DataSet, MAX_FRAMES, PixelData, printable};
 use super::elements::is_dicom;
-use super::pixels::Layout;
+use super::pixels::{Fault, Layout};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::read::read_full;
@@ -34,6 +34,8 @@ pub(super) struct Series {
     /// Number of damaged DICOM files in the folder of the series, and the error text of the first one.
     pub(super) damaged: usize,
     pub(super) first_fault: String,
+    /// Number of the damaged files that were found only when their pixels were decoded.
+    undecodable: usize,
     key: Key,
 }
 
@@ -66,7 +68,7 @@ impl Key {
 
 impl Series {
     fn new(key: Key, images: Vec<Image>) -> Self {
-        Self { images, key, damaged: 0, first_fault: String::new() }
+        Self { images, key, damaged: 0, undecodable: 0, first_fault: String::new() }
     }
 
     /// Returns a pixel format that can hold the pixel values of all files of a DICOM series.
@@ -81,6 +83,22 @@ impl Series {
             widest.allocated = widest.allocated.max(layout.allocated);
         }
         widest
+    }
+
+    /// Removes the image file whose pixels cannot be decoded, and counts it among the damaged files.
+    ///
+    /// # Errors
+    /// The fault belongs to no file or to the file `named` by the user, or `most` files of the folder are damaged.
+    pub(super) fn skip_damaged(&mut self, fault: Fault, named: &Path, most: usize) -> Result<(), String> {
+        let is_last = self.images.len() == 1 || self.undecodable == most;
+        let at = fault.image.filter(|at| !is_last && self.images[*at].path != named);
+        self.images.remove(at.ok_or_else(|| fault.why.clone())?);
+        self.damaged += 1;
+        self.undecodable += 1;
+        if self.first_fault.is_empty() {
+            self.first_fault = fault.why;
+        }
+        Ok(())
     }
 
     /// Describes a DICOM series in one line, without names of people.
@@ -130,6 +148,11 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
     let mut set = DataSet::read(path)?;
     if set.pixels == PixelData::None {
         return Err(Refused::NoScalars("it is a DICOM file without an image".into()));
+    }
+    if set.is_segmentation() {
+        return Err(Refused::NoScalars(
+            "it is a segmentation (SEG), which is read as a file of its own".into(),
+        ));
     }
     let integer = |tag| set.root.integer(tag);
     let needed = |tag| integer(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
@@ -199,6 +222,27 @@ fn grouped(images: Vec<Image>) -> Vec<Series> {
     all
 }
 
+/// Finds all DICOM series of a folder, at least one, and the error texts of damaged files.
+///
+/// # Errors
+/// The folder holds no DICOM images that can be read, or too many files.
+pub(super) fn all(folder: &Path, loading: &Loading) -> Result<(Vec<Series>, Vec<String>)> {
+    let refuse = |why: String| Error::input(WHAT, folder.display(), why);
+    let files = files_in(folder, MAX_DEPTH);
+    if files.len() >= MAX_FILES {
+        return Err(refuse(format!("it holds more than {MAX_FILES} files; name a folder within it")));
+    }
+    let (images, faults) = images(&files, loading);
+    let all = grouped(images);
+    loading.go_on(&folder.display().to_string())?;
+    if all.is_empty() {
+        let why = files.iter().filter(|f| is_dicom_file(f)).find_map(|f| image(f).err());
+        let why = why.map_or_else(String::new, |why| format!(": of the first, {}", why.why()));
+        return Err(refuse(format!("it holds no DICOM images that can be read{why}")));
+    }
+    Ok((all, faults))
+}
+
 /// Finds the DICOM series that a file belongs to, or the series of a folder that `chosen` (an index from 1) selects.
 ///
 /// # Errors
@@ -221,23 +265,12 @@ pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Res
         let found = grouped(images).into_iter().find(|series| series.key.matches(&key));
         return Ok(with_faults(found.unwrap_or_else(|| Series::new(key, vec![named])), &faults));
     }
-    let files = files_in(path, MAX_DEPTH);
-    if files.len() >= MAX_FILES {
-        return Err(refuse(format!("it holds more than {MAX_FILES} files; name a folder within it")));
-    }
-    let (images, faults) = images(&files, loading);
-    let mut all = grouped(images);
-    loading.go_on(&path.display().to_string())?;
+    let (mut all, faults) = all(path, loading)?;
     let list = || {
         let lines = all.iter().take(20).enumerate().map(|(i, s)| format!("{}: {}", i + 1, s.summary()));
         lines.collect::<Vec<_>>().join("; ")
     };
     match (all.len(), chosen) {
-        (0, _) => {
-            let why = files.iter().filter(|f| is_dicom_file(f)).find_map(|f| image(f).err());
-            let why = why.map_or_else(String::new, |why| format!(": of the first, {}", why.why()));
-            Err(refuse(format!("it holds no DICOM images that can be read{why}")))
-        }
         (1, None) => Ok(with_faults(all.swap_remove(0), &faults)),
         (n, Some(at)) if (1..=n).contains(&at) => Ok(with_faults(all.swap_remove(at - 1), &faults)),
         (n, Some(at)) => Err(Error::input(WHAT, "--series", format!("{at} is not in 1 to {n}")).hint(list())),

@@ -125,17 +125,20 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
 }
 
 /// Orientation and pixel spacing of DICOM slices.
-struct Plane {
+pub(super) struct Plane {
     /// Vectors from a pixel of a DICOM slice to the next one along rows and columns, LPS mm.
-    across: [DVec3; 2],
+    pub(super) across: [DVec3; 2],
     /// Unit normal of the DICOM slices.
-    normal: DVec3,
+    pub(super) normal: DVec3,
     /// Distance between DICOM slices by their attributes (SpacingBetweenSlices or SliceThickness), mm.
-    thickness: Option<f64>,
+    pub(super) thickness: Option<f64>,
 }
 
 impl Plane {
-    fn new(numbers: impl Fn(Tag) -> Option<Vec<f64>>, warnings: &mut Vec<String>) -> Result<Self, String> {
+    pub(super) fn new(
+        numbers: impl Fn(Tag) -> Option<Vec<f64>>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, String> {
         let spacing = [tags::PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING, tags::IMAGER_PIXEL_SPACING]
             .into_iter()
             .find_map(|tag| numbers(tag).filter(|v| v.len() == 2 && v.iter().all(|s| *s > 0.0)));

@@ -52,8 +52,8 @@ fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
 /// Tests claims of papers on the scenes `given`, or else on the built-in scenes that each claim names. `read` loads a
 /// scene by its name. A claim with missing measurements gets a row with the reason.
 ///
-/// # Errors
-/// A scene cannot be read, the device cannot store it, or the user cancelled the measurement.
+/// Returns the rows, with the error that ended the run early, if any: a scene cannot be read, the device cannot store
+/// it, or the observer of `progress` cancelled the measurement. Rows of finished scenes are returned in any case.
 pub fn run(
     renderer: &Arc<Renderer>,
     claims: &[Claim],
@@ -61,7 +61,27 @@ pub fn run(
     read: &mut dyn FnMut(&str) -> Result<Subject>,
     effort: Effort,
     progress: &mut Progress,
-) -> Result<Vec<Row>> {
+) -> (Vec<Row>, Result<()>) {
+    let mut rows: Vec<(usize, Row)> = Vec::new();
+    let outcome = measure_into(&mut rows, (renderer, claims, given), read, effort, progress);
+    let untried = |(i, c): (usize, &Claim)| {
+        let compares = !given.is_empty() && compares_stand_ins(c);
+        let compares = compares.then_some("Not tried: it compares built-in scenes with each other.");
+        c.untried.as_deref().or(compares).map(|why| (i, row_of(c, why)))
+    };
+    rows.extend(claims.iter().enumerate().filter_map(untried));
+    rows.sort_by_key(|(i, _)| *i);
+    (rows.into_iter().map(|(_, row)| row).collect(), outcome)
+}
+
+/// Measures every scene and appends the verdicts to `rows`, each with the index of its claim; see [`run`].
+fn measure_into(
+    rows: &mut Vec<(usize, Row)>,
+    (renderer, claims, given): (&Arc<Renderer>, &[Claim], &[String]),
+    read: &mut dyn FnMut(&str) -> Result<Subject>,
+    effort: Effort,
+    progress: &mut Progress,
+) -> Result<()> {
     let concerns = |claim: &Claim, scene: &str| match given {
         [] => claim.scenes.iter().any(|s| s == scene),
         given => !claim.needs.is_empty() && !compares_stand_ins(claim) && given.iter().any(|g| g == scene),
@@ -78,7 +98,6 @@ pub fn run(
         }
         planned.push((scene, groups));
     }
-    let mut rows: Vec<(usize, Row)> = Vec::new();
     for (scene, groups) in planned {
         let subject = read(&scene)?;
         let mut measured = Vec::new();
@@ -99,14 +118,7 @@ pub fn run(
             rows.push((i, row));
         }
     }
-    let untried = |(i, c): (usize, &Claim)| {
-        let compares = !given.is_empty() && compares_stand_ins(c);
-        let compares = compares.then_some("Not tried: it compares built-in scenes with each other.");
-        c.untried.as_deref().or(compares).map(|why| (i, row_of(c, why)))
-    };
-    rows.extend(claims.iter().enumerate().filter_map(untried));
-    rows.sort_by_key(|(i, _)| *i);
-    Ok(rows.into_iter().map(|(_, row)| row).collect())
+    Ok(())
 }
 
 /// Whether a paper's claim is tested by comparing two built-in scenes with each other.

@@ -26,6 +26,7 @@ use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::measure::enclosure_check::EnclosureTest;
 use crate::measure::errors::{RayTest, meets_extinction};
 use crate::measure::point_bound::PointTest;
+use crate::measure::progress::{Progress, Step, StepKind};
 use crate::measure::rays::pick_texels;
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::{Light, Scene};
@@ -111,26 +112,37 @@ impl Cost {
 }
 
 /// Runs the given stability cases with every given shadow method. Returns a row of the stability table for each case
-/// and method to which the case applies. A failure becomes a row, and the others continue. `next` is called with the
-/// name of each case before it starts.
-///
-/// # Errors
-/// A method rejects its settings.
+/// and method to which the case applies, with the error that ended the run early, if any. A failure of a method
+/// becomes a row, and the others continue. The observer of `progress` can end the run between two cases.
 pub fn run(
     renderer: &Arc<Renderer>,
     methods: &[MethodSpec],
     cases: &[&Case],
-    next: &mut dyn FnMut(&str),
-) -> Result<Vec<Row>> {
+    progress: &mut Progress,
+) -> (Vec<Row>, Result<()>) {
+    let mut rows = Vec::new();
+    let outcome = run_into(&mut rows, renderer, methods, cases, progress);
+    (rows, outcome)
+}
+
+/// See [`run`]; appends the rows to `rows`.
+fn run_into(
+    rows: &mut Vec<Row>,
+    renderer: &Arc<Renderer>,
+    methods: &[MethodSpec],
+    cases: &[&Case],
+    progress: &mut Progress,
+) -> Result<()> {
     let ordinary = &all()?[0];
     let plain = methods.iter().map(MethodSpec::method).collect::<Result<Vec<_>>>()?;
-    next("ordinary case");
+    let step = Step::new(StepKind::Case, "");
+    progress.expect(step.clone(), 1 + cases.len());
+    progress.begin(step.clone(), "ordinary case")?;
     let outcomes = measure(renderer, ordinary, &plain);
     // A method that fails on the ordinary case has no baseline.
     let costs: Vec<_> = outcomes.into_iter().map(|o| o.ok().map(|(_, cost)| cost)).collect();
-    let mut rows = Vec::new();
     for case in cases {
-        next(&case.name);
+        progress.begin(step.clone(), &case.name)?;
         let mut applicable = Vec::new();
         for (method, cost) in methods.iter().zip(&costs) {
             if let Some(spec) = with_case_settings(method, case) {
@@ -143,7 +155,7 @@ pub fn run(
             rows.push(row(case, method.as_ref(), outcome, ordinary));
         }
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// Returns a shadow method with the settings that a stability case imposes, as far as the method has them. Returns

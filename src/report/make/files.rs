@@ -7,6 +7,7 @@ use super::super::made::Made;
 use super::super::names;
 use super::super::plot::write_plots;
 use super::super::run::Run;
+use super::super::tables::Layout;
 use super::super::writers;
 use crate::error::{Error, Result};
 use crate::files::output::write_whole;
@@ -50,9 +51,8 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
         .unwrap_or(1.0)
 }
 
-/// Writes the difference images, the arrays of curve nodes per texel, the figure of all pictures (`grid_pt` points
-/// wide), and `pictures.md` with links to them. Returns the paths of these files and of the shadow methods' pictures.
-pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<PathBuf>> {
+/// Writes the difference images, the arrays of curve nodes per texel, the figure of all pictures, and `pictures.md` with links to them. Returns the paths of these files and of the shadow methods' pictures.
+pub fn write_pictures(made: &Made, folder: &Path, layout: &Layout) -> Result<Vec<PathBuf>> {
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
     let mut sheet = String::new();
@@ -62,7 +62,7 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
             continue;
         }
         let (prefix, texts) = (made.run.prefix_of(wanted.0, wanted.1), made.run.texts_of(wanted.0));
-        let scale = scale_of(own.clone());
+        let scale = layout.difference_max.unwrap_or_else(|| scale_of(own.clone()));
         let space = if sheet.is_empty() { "" } else { "\n" };
         let several = all.iter().any(|c| c.row.scene == wanted.0 && c.row.adapter != wanted.1);
         let on = if several { format!(", {}", wanted.1) } else { String::new() };
@@ -96,7 +96,7 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
             let difference = c.difference.as_ref();
             cells.extend(picture.map(|picture| GridCell::of(&c.row, picture, difference)));
         }
-        let [png, pdf] = grid::files(&cells, grid_pt, scale, DIFFERENCE)?;
+        let [png, pdf] = grid::files(&cells, layout.tex_width_pt, scale, DIFFERENCE)?;
         for (name, bytes) in grids.iter().zip([with_texts(png, &texts)?, pdf]) {
             let path = folder.join(name);
             write_whole(&path, |file| file.write_all(&bytes))?;

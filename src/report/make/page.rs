@@ -16,9 +16,10 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// A picture cannot be encoded, or a file cannot be written.
-pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
+pub fn write_page(made: &Made, folder: &Path, difference_max: Option<f32>) -> Result<PathBuf> {
     let all = &made.comparison.compared;
-    let scale = |wanted| scale_of(all.iter().filter(|c| c.row.group() == wanted));
+    let scale =
+        |wanted| difference_max.unwrap_or_else(|| scale_of(all.iter().filter(|c| c.row.group() == wanted)));
     let scales: Vec<_> = all.iter().map(|c| c.row.group()).unique().map(|g| (g, scale(g))).collect();
     let mut pictured = Vec::new();
     for c in all {

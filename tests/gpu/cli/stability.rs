@@ -56,6 +56,39 @@ fn picked_cases_give_a_row_a_method() {
     assert_eq!(std::fs::read_dir(dir.path().join("out")).unwrap().count(), 2);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupt_keeps_the_rows_of_finished_cases() {
+    use std::io::{BufRead, BufReader, Read};
+    use std::process::{Command, Stdio};
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
+        .args(["stability", "-o", "out", "--methods", "none;dsm:map=32"])
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    // The third line announces the second case, so the first one is finished.
+    while said.lines().filter(|line| line.starts_with("progress: ")).count() < 3 {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended before it could be interrupted: {said}");
+    }
+    crate::program::signal(&child, "TERM");
+    stderr.read_to_string(&mut said).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{said}");
+    assert!(said.contains("progress: 0/") && said.contains("ordinary case"), "{said}");
+    assert!(said.contains("about ") && said.contains(" left, "), "{said}");
+    assert!(said.contains("error: interrupted (out): ") && said.contains("cases are tested"), "{said}");
+    assert!(said.contains("--case "), "the hint names the missing cases: {said}");
+    let rows = csv::Reader::from_path(dir.path().join("out/stability.csv")).unwrap().into_records().count();
+    assert!(rows > 0, "{said}");
+}
+
 #[test]
 fn bad_command_lines_are_refused_before_anything_is_made() {
     let dir = tempfile::tempdir().unwrap();

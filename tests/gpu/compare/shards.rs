@@ -86,6 +86,12 @@ fn shards_put_together_are_the_whole_table() {
         same(name);
     }
     names(&whole).iter().filter(|n| n.starts_with("nodes_") || n.ends_with(".toml")).for_each(|n| same(n));
+    // The colour bar of the differences may be chosen again.
+    done(folder, &["merge", "part1", "part2", "part3", "-o", "fixed", "--difference-max", "1"]);
+    let name = names(&whole).into_iter().find(|name| name.starts_with("difference_")).unwrap();
+    assert!(
+        std::fs::read(folder.join("fixed").join(&name)).unwrap() != std::fs::read(all.join(name)).unwrap()
+    );
     // The Pareto front is of all rows of a scene, not of one part.
     let rows = read_csv(&all.join("compare.csv"));
     let better = |a: &HashMap<String, String>, b: &HashMap<String, String>, c: &str, up: bool| {

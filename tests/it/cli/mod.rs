@@ -4,5 +4,6 @@ mod benchmark;
 mod files;
 mod fit;
 mod flags;
+mod info;
 mod strands;
 mod tf;

@@ -84,7 +84,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
         assert_eq!((&report["strands"], &report["segments"]), (&Value::from(4), &Value::from(22)), "{name}");
         let info = json(dir.path(), &[&["info", &file], &flags[..]].concat());
         assert_eq!((&info["dims"], &info["format"]), (&report["dims"], &Value::from("strands")), "{name}");
-        let error = refused(dir.path(), &["info", &file]);
+        let error = refused(dir.path(), &["render", &file, "-o", "a.png"]);
         assert!(error.contains("thickness"), "{error}");
     }
     let tck = umbravox(dir.path(), &["info", &fixture("big.tck"), "--thickness=1", "--resolution=9"]);
@@ -92,7 +92,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
     assert!(text.contains("1 lines of fewer than two points"), "{text}");
     // The help lists every file extension of strands.
     for (command, from) in
-        [("render", "[VOLUME]"), ("render", "--strands"), ("info", "<VOLUME>"), ("voxelise", "<STRANDS>")]
+        [("render", "[VOLUME]"), ("render", "--strands"), ("info", "<VOLUME>..."), ("voxelise", "<STRANDS>")]
     {
         let help = stdout(dir.path(), &[command, "--help"]);
         let (_, part) = help.split_once(&format!("\n  {from}")).or(help.split_once(from)).unwrap();
@@ -186,7 +186,7 @@ fn unfit_strands_are_not_voxelised() {
         (&["voxelise"], "STRANDS", "required"),
         (&["voxelise", "cut.hair", "-o", "x.nii"], "cut.hair: byte 300", "ends there"),
         (&["voxelise", "thin.hair", "-o", "x.nii"], "thin.hair", "thickness"),
-        (&["info", "thin.hair"], "thin.hair", "thickness"),
+        (&["render", "thin.hair", "-o", "a.png"], "thin.hair", "thickness"),
         (&["voxelise", "gone.hair"], "gone.hair", "No such file"),
         (&["voxelise", "hair-bald"], "phantom:hair-bald", "no strand set"),
         (&["voxelise", "hair-fur:0"], "phantom:hair-fur:0", "1..="),

@@ -106,6 +106,44 @@ fn several_series_are_listed_without_names_of_people() {
     assert!(said.contains("--frame 1"), "{said}");
 }
 
+/// Copies a DICOM folder of three slices `88.dcm` to `90.dcm`, and plants another width in the compressed pixels of
+/// some.
+fn with_damaged_pixels(damaged: &[&str]) -> (tempfile::TempDir, PathBuf) {
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join("dicom_j2k");
+    common::copy(&folder().join("files/dicom_j2k"), &path);
+    for name in damaged {
+        let file = path.join(name);
+        let mut bytes = std::fs::read(&file).unwrap();
+        // The marker segment SIZ of JPEG 2000: length, capabilities, width.
+        let at = bytes.windows(4).position(|four| four == [0xff, 0x4f, 0xff, 0x51]).unwrap();
+        bytes[at + 9] ^= 1;
+        std::fs::write(&file, bytes).unwrap();
+    }
+    (home, path)
+}
+
+#[test]
+fn a_slice_whose_pixels_are_damaged_does_not_spoil_its_neighbours() {
+    let (_home, path) = with_damaged_pixels(&["90.dcm"]);
+    let load_file = |name: &str| load(&VolumeSpec::new(path.join(name).to_str().unwrap()));
+    let volume = load_file("88.dcm").unwrap();
+    let warnings = volume.provenance.warnings.join("; ");
+    assert!(
+        warnings.contains("1 files of the folder are damaged") && warnings.contains("90.dcm"),
+        "{warnings}"
+    );
+    assert_eq!(volume.dims()[2], 2, "{warnings}");
+    let whole = load(&VolumeSpec::new(path.to_str().unwrap())).unwrap();
+    assert_eq!(whole.dims(), volume.dims());
+    let error = load_file("90.dcm").unwrap_err();
+    assert!(error.why.contains("90.dcm: its compressed pixels are"), "{error}");
+    // One slice in ten may be damaged, at least one.
+    let (_home, path) = with_damaged_pixels(&["88.dcm", "90.dcm"]);
+    let error = load(&VolumeSpec::new(path.to_str().unwrap())).unwrap_err();
+    assert!(error.exit_status() == 2 && error.why.contains("compressed pixels are"), "{error}");
+}
+
 /// Copies a Zarr store, so that a test can change it.
 fn store(name: &str) -> (tempfile::TempDir, PathBuf) {
     let home = tempfile::tempdir().unwrap();
