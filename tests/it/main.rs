@@ -12,6 +12,7 @@ mod light_space;
 mod loading;
 mod methods;
 mod nifti;
+mod packaging;
 mod phantom;
 #[path = "../common/program.rs"]
 mod program;
