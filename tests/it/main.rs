@@ -6,6 +6,7 @@ mod browser;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod datasets;
 mod exact;
 mod formats;
 mod light_space;
