@@ -19,7 +19,14 @@ fn markdown(folder: &Path) -> Vec<PathBuf> {
 /// Every documentation page with its text.
 pub fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let single = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "python/README.md"];
+    let single = [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "data/README.md",
+        "packaging/README.md",
+        "python/README.md",
+    ];
     let paths = single.into_iter().map(|page| root.join(page)).chain(markdown(&root.join("docs")));
     paths.map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
