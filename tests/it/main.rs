@@ -1,5 +1,6 @@
 //! Tests without a graphics device: file formats, float64 reference, strands, shader texts, commands, the repository.
 
+mod book;
 mod bricks;
 #[path = "../common/browser.rs"]
 mod browser;

@@ -10,7 +10,7 @@ const FILES: &str = include_str!("../../docs/files.md");
 const METHODS: &str = include_str!("../../docs/methods.md");
 
 /// Markdown files of a folder and its subfolders.
-fn markdown(folder: &Path) -> Vec<PathBuf> {
+pub fn markdown(folder: &Path) -> Vec<PathBuf> {
     let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let files = paths.flat_map(|path| if path.is_dir() { markdown(&path) } else { vec![path] });
     files.filter(|path| path.extension().is_some_and(|e| e == "md")).collect()
@@ -102,7 +102,7 @@ fn every_command_shown_is_accepted() {
 }
 
 /// Anchor by which a link finds a heading.
-fn anchor(heading: &str) -> String {
+pub fn anchor(heading: &str) -> String {
     let text = heading.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
     text.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
 }
