@@ -14,6 +14,7 @@
 #              for some of them)
 # make pictures   every picture of README and docs but the window's, anew (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100"
 #              is a trial)
+# make book    the documentation as a website with search, in out/book/html; needs mdBook (MDBOOK names the program)
 # make check-tools   what is missing to build and run; installs nothing
 
 CARGO ?= cargo
@@ -28,11 +29,12 @@ SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 GRID_METHODS := none;rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;fourier:map=256,terms=15
 PICTURES_EFFORT ?= --repeats 7
 PICTURES_DIR ?= docs
+MDBOOK ?= mdbook
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 XVFB_LARGE := xvfb-run -a -s "-screen 0 3840x2160x24"
 SIZES ?= 640x480@1 900x560@1 900x560@2 1280x720@1 1280x720@2 1920x1080@1 1920x1080@2
 
-.PHONY: demo quick test python adapters lint bench shots sizes measured results pictures setup check-tools
+.PHONY: demo quick test python adapters lint bench shots sizes measured results pictures book setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -104,6 +106,9 @@ pictures: setup
 	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(GRID_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/grid
 	cp out/grid/grid.png $(PICTURES_DIR)/grid.png
 	$(UMBRAVOX) render --scene examples/chest.toml --size 220x220 --light-sweep 24 --fps 8 -o $(PICTURES_DIR)/sweep.gif
+
+book:
+	scripts/book.py --mdbook "$(MDBOOK)"
 
 setup:
 	@scripts/setup.sh

@@ -1,17 +1,20 @@
 //! Tests without a graphics device: file formats, float64 reference, strands, shader texts, commands, the repository.
 
+mod book;
 mod bricks;
 #[path = "../common/browser.rs"]
 mod browser;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod datasets;
 mod exact;
 mod formats;
 mod light_space;
 mod loading;
 mod methods;
 mod nifti;
+mod packaging;
 mod phantom;
 #[path = "../common/program.rs"]
 mod program;

@@ -10,7 +10,7 @@ const FILES: &str = include_str!("../../docs/files.md");
 const METHODS: &str = include_str!("../../docs/methods.md");
 
 /// Markdown files of a folder and its subfolders.
-fn markdown(folder: &Path) -> Vec<PathBuf> {
+pub fn markdown(folder: &Path) -> Vec<PathBuf> {
     let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let files = paths.flat_map(|path| if path.is_dir() { markdown(&path) } else { vec![path] });
     files.filter(|path| path.extension().is_some_and(|e| e == "md")).collect()
@@ -19,7 +19,14 @@ fn markdown(folder: &Path) -> Vec<PathBuf> {
 /// Every documentation page with its text.
 pub fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let single = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "python/README.md"];
+    let single = [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "data/README.md",
+        "packaging/README.md",
+        "python/README.md",
+    ];
     let paths = single.into_iter().map(|page| root.join(page)).chain(markdown(&root.join("docs")));
     paths.map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
@@ -95,7 +102,7 @@ fn every_command_shown_is_accepted() {
 }
 
 /// Anchor by which a link finds a heading.
-fn anchor(heading: &str) -> String {
+pub fn anchor(heading: &str) -> String {
     let text = heading.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
     text.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
 }
