@@ -84,8 +84,7 @@ fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyo3(signature = (path, picture, *, transparent=false))]
 fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -> fault::Outcome<()> {
     let expected = |why: String| fault::Fault::input("cannot write picture", "picture", why);
-    let numpy = picture.py().import("numpy")?;
-    let picture = numpy.call_method1("asarray", (picture, "f4")).map_err(|e| expected(e.to_string()))?;
+    let picture = points::aligned_array(picture, Some("f4")).map_err(|e| expected(e.to_string()))?;
     let picture: PyReadonlyArray3<'_, f32> = picture.extract().map_err(|e: PyErr| expected(e.to_string()))?;
     if picture.shape()[2] != 4 {
         let why = format!("its shape is {:?}; expected height x width x 4", picture.shape());
