@@ -7,7 +7,9 @@ mod device;
 mod fault;
 mod interrupts;
 mod points;
+mod readback;
 mod scene;
+mod scene_volume;
 mod state;
 mod volume;
 

@@ -197,6 +197,8 @@ class Scene:
         """Renders a picture to a file (.png, .exr, .npy) like ``umbravox render``."""
     def _repr_png_(self) -> bytes:
         """Picture of the scene as a PNG file, which notebooks show."""
+    def png(self, **arguments: Unpack[SceneArguments]) -> bytes:
+        """Renders a picture to the bytes of a PNG file, over the background."""
     def exact_picture(
         self, *, progress: _Progress = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float32]:
@@ -236,6 +238,12 @@ class Scene:
         """
     def camera(self, **arguments: Unpack[SceneArguments]) -> Camera:
         """Camera of the arguments, as arguments."""
+    def settings(self, **arguments: Unpack[SceneArguments]) -> dict[str, Any]:
+        """All settings as arguments, defaults included; those about reading the volume are absent."""
+    def transfer_function(self, **arguments: Unpack[SceneArguments]) -> dict[str, Any]:
+        """Transfer function, adapted to the volume, as a dictionary in the form of a transfer-function file."""
+    def copy(self, **arguments: Unpack[SceneArguments]) -> Scene:
+        """Scene of the same volume; arguments replace settings."""
     def to_toml(self, **arguments: Unpack[SceneArguments]) -> str:
         """Text of a scene file with the same settings, defaults included."""
 
