@@ -15,6 +15,8 @@ Volumes are files, or arrays with an affine from index coordinates (i, j, k) to 
 
     scene = uv.Scene(array, affine, units="hu")
 
+``Widget(scene)`` shows a scene in a notebook, to turn it, move its light and edit its opacity (needs ``anywidget``).
+
 Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance ``exp(-optical depth)``.
 """
 
@@ -74,3 +76,12 @@ def srgb8(picture):
     linear = np.clip(picture[..., :3], 0.0, 1.0)
     codes = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255.0 * codes).astype(np.uint8)
+
+
+def __getattr__(name):
+    # Imported when it is used, because anywidget is optional.
+    if name == "Widget":
+        from ._widget import Widget
+
+        return Widget
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

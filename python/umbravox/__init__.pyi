@@ -9,6 +9,7 @@ from typing_extensions import Unpack
 from ._types import Camera as Camera
 from ._types import Cost as Cost
 from ._types import Step as Step
+from ._widget import Widget as Widget
 
 __all__ = [
     "Camera",
