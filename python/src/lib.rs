@@ -21,7 +21,7 @@ use std::path::PathBuf;
 use umbravox::files::picture::{Backdrop, write_picture_with};
 use umbravox::open::SceneRequest;
 use umbravox::open::presets::PRESETS;
-use umbravox::shadow::METHODS;
+use umbravox::shadow::{COMPARED, METHODS, MethodSpec};
 
 #[pymodule]
 mod _umbravox {
@@ -30,7 +30,7 @@ mod _umbravox {
     #[pymodule_export]
     use super::volume::{PyVolume, read};
     #[pymodule_export]
-    use super::{arguments_of_scenes, command, methods, presets, write_picture};
+    use super::{arguments_of_scenes, command, method_specs, methods, presets, write_picture};
 
     use pyo3::prelude::*;
 
@@ -66,6 +66,21 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
     METHODS.iter().try_for_each(|method| dict.set_item(method.name, method.summary))?;
     Ok(dict)
+}
+
+/// Shadow methods of a table, one text for each row: every combination of settings, once.
+#[pyfunction]
+#[pyo3(signature = (methods=None))]
+fn method_specs(methods: Option<&Bound<'_, PyAny>>) -> fault::Outcome<Vec<String>> {
+    let list = comparing::texts(methods, "methods", ";")?;
+    let specs = MethodSpec::parse_list(list.as_deref().unwrap_or(&COMPARED)).map_err(|e| e.at("methods"))?;
+    let mut texts: Vec<String> = Vec::new();
+    for text in specs.iter().map(ToString::to_string) {
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
+    Ok(texts)
 }
 
 /// Names of the keyword arguments with which a scene is made, with their help texts.

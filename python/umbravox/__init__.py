@@ -60,9 +60,16 @@ def transmittance(volume, points, method=None, affine=None, *, axes=None, **argu
 _MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "flicker", "budget", "overwrite", "resume", "progress")
 
 
-def compare(volume=None, methods=None, affine=None, **arguments):
-    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
+def compare(volume=None, methods=None, affine=None, *, client=None, **arguments):
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
+
+    With ``client``, a Dask client, each method is measured on a worker.
+    """
     measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
+    if client is not None:
+        from ._cluster import compare_on
+
+        return compare_on(client, (volume, affine, arguments), methods, measuring)
     return Scene(volume, affine, **arguments).compare(methods, **measuring)
 
 

@@ -275,9 +275,14 @@ def compare(
     volume: Volume | ArrayLike | _Path | None = None,
     methods: str | Sequence[str] | None = None,
     affine: ArrayLike | None = None,
+    *,
+    client: Any = None,
     **arguments: Any,
 ) -> list[dict[str, Any]]:
-    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
+
+    With ``client``, a Dask client, each method is measured on a worker.
+    """
 
 def arguments() -> dict[str, str]:
     """Arguments of a scene, with their help."""
