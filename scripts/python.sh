@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests the Python module: against the command line, against figures of an independent program, and the notebook of
+# Tests the Python module: against the command line, against figures of an independent program, and the notebooks of
 # examples/. By default the module that `make test` has compiled is imported from a folder, into an environment that is
 # kept; with UMBRAVOX_TESTS=full its wheel is built and installed into a fresh environment.
 # Without a Python that could, it fails, unless UMBRAVOX_NO_PYTHON=1.

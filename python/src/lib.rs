@@ -7,7 +7,9 @@ mod device;
 mod fault;
 mod interrupts;
 mod points;
+mod readback;
 mod scene;
+mod scene_volume;
 mod state;
 mod volume;
 
@@ -19,7 +21,7 @@ use std::path::PathBuf;
 use umbravox::files::picture::{Backdrop, write_picture_with};
 use umbravox::open::SceneRequest;
 use umbravox::open::presets::PRESETS;
-use umbravox::shadow::METHODS;
+use umbravox::shadow::{COMPARED, METHODS, MethodSpec};
 
 #[pymodule]
 mod _umbravox {
@@ -28,7 +30,7 @@ mod _umbravox {
     #[pymodule_export]
     use super::volume::{PyVolume, read};
     #[pymodule_export]
-    use super::{arguments_of_scenes, command, methods, presets, write_picture};
+    use super::{arguments_of_scenes, command, method_specs, methods, presets, write_picture};
 
     use pyo3::prelude::*;
 
@@ -66,6 +68,21 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
+/// Shadow methods of a table, one text for each row: every combination of settings, once.
+#[pyfunction]
+#[pyo3(signature = (methods=None))]
+fn method_specs(methods: Option<&Bound<'_, PyAny>>) -> fault::Outcome<Vec<String>> {
+    let list = comparing::texts(methods, "methods", ";")?;
+    let specs = MethodSpec::parse_list(list.as_deref().unwrap_or(&COMPARED)).map_err(|e| e.at("methods"))?;
+    let mut texts: Vec<String> = Vec::new();
+    for text in specs.iter().map(ToString::to_string) {
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
+    Ok(texts)
+}
+
 /// Names of the keyword arguments with which a scene is made, with their help texts.
 #[pyfunction]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
@@ -84,8 +101,7 @@ fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyo3(signature = (path, picture, *, transparent=false))]
 fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -> fault::Outcome<()> {
     let expected = |why: String| fault::Fault::input("cannot write picture", "picture", why);
-    let numpy = picture.py().import("numpy")?;
-    let picture = numpy.call_method1("asarray", (picture, "f4")).map_err(|e| expected(e.to_string()))?;
+    let picture = points::aligned_array(picture, Some("f4")).map_err(|e| expected(e.to_string()))?;
     let picture: PyReadonlyArray3<'_, f32> = picture.extract().map_err(|e: PyErr| expected(e.to_string()))?;
     if picture.shape()[2] != 4 {
         let why = format!("its shape is {:?}; expected height x width x 4", picture.shape());

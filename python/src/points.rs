@@ -12,13 +12,18 @@ use umbravox::error::{Error, Result};
 /// Number of points or segments that are computed between two checks for Ctrl-C.
 const POINTS_PER_CHECK: usize = 4096;
 
+/// Converts a Python object to a NumPy array of aligned elements. Arrays that another process has sent may lie at any
+/// byte.
+pub fn aligned_array<'py>(given: &Bound<'py, PyAny>, dtype: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
+    given.py().import("numpy")?.call_method1("require", (given, dtype, ("ALIGNED", "ENSUREARRAY")))
+}
+
 /// Returns the points of a NumPy array whose last axis is x, y and z (world mm), and the shape of its other axes.
 pub fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<usize>)> {
     let refuse =
         || Fault::input("bad argument", name, "expected points in world mm, the last axis of length 3");
     refuse_masked(given, name)?;
-    let numpy = given.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (given, "f8")).map_err(|_| refuse())?;
+    let array = aligned_array(given, Some("f8")).map_err(|_| refuse())?;
     let array: PyReadonlyArrayDyn<'_, f64> = array.extract().map_err(|_| refuse())?;
     let points = array.as_array();
     if points.is_empty() && points.ndim() == 1 {

@@ -6,6 +6,8 @@ use crate::device;
 use crate::fault::{Fault, Outcome};
 use crate::interrupts::{Cancellation, interruptible, run_reporting};
 use crate::points::{in_pieces, points_of, shaped};
+use crate::readback::{camera_as_arguments, function_as_dict, settings_as_arguments};
+use crate::scene_volume::{another_volume, of_array, unnamed};
 use crate::state::SceneState;
 use crate::volume::{InputVolume, PyVolume, read_input, reading, warn};
 use glam::DVec3;
@@ -117,7 +119,17 @@ impl PyScene {
 
     /// Picture of the scene as a PNG file, which notebooks show.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
-        let request = self.request(None)?;
+        self.png(py, None)
+    }
+
+    /// Renders a picture to the bytes of a PNG file, over the background.
+    #[pyo3(signature = (**arguments))]
+    fn png<'py>(
+        &self,
+        py: Python<'py>,
+        arguments: Option<&Bound<'py, PyDict>>,
+    ) -> Outcome<Bound<'py, PyBytes>> {
+        let request = self.request(arguments)?;
         let png = self.done(py, |cancellation| {
             let picture = self.state.drawn(&request, cancellation)?;
             with_texts(picture_png(&picture.pixels)?, &self.state.texts(&request, cancellation)?)
@@ -283,15 +295,41 @@ impl PyScene {
         let request = self.request(arguments)?;
         let scene = self
             .done(py, |cancellation| self.state.with_scene(&request, cancellation, |_, scene| Ok(scene)))?;
-        let camera = scene.camera;
-        let dict = PyDict::new(py);
-        for (name, v) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
-            dict.set_item(name, (v.x, v.y, v.z))?;
-        }
-        dict.set_item("fov", camera.fov_deg)?;
-        // The field of view includes the zoom.
-        dict.set_item("zoom", 1.0)?;
-        Ok(dict)
+        Ok(camera_as_arguments(py, &scene.camera)?)
+    }
+
+    /// Returns all settings of the scene as keyword arguments, defaults included; those about reading the volume are
+    /// absent.
+    #[pyo3(signature = (**arguments))]
+    fn settings<'py>(
+        &self,
+        py: Python<'py>,
+        arguments: Option<&Bound<'py, PyDict>>,
+    ) -> Outcome<Bound<'py, PyDict>> {
+        let request = self.request(arguments)?;
+        let settings = self.done(py, |cancellation| self.state.resolved(&request, cancellation))?;
+        settings_as_arguments(py, settings, request.function.as_ref())
+    }
+
+    /// Returns the transfer function, adapted to the volume, as a dictionary in the form of a transfer-function file.
+    #[pyo3(signature = (**arguments))]
+    fn transfer_function<'py>(
+        &self,
+        py: Python<'py>,
+        arguments: Option<&Bound<'py, PyDict>>,
+    ) -> Outcome<Bound<'py, PyAny>> {
+        let request = self.request(arguments)?;
+        let tf = self.done(py, |cancellation| {
+            self.state.with_scene(&request, cancellation, |loaded, _| Ok(loaded.tf.clone()))
+        })?;
+        Ok(function_as_dict(py, &tf)?)
+    }
+
+    /// Creates a scene of the same volume; arguments replace settings.
+    #[pyo3(signature = (**arguments))]
+    fn copy(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
+        let request = self.request(arguments)?;
+        Self::begin(py, Some(self.state.input.clone()), None, request)
     }
 
     /// Returns the text of a TOML scene file with all settings of the scene, defaults included.
@@ -395,44 +433,4 @@ impl PyScene {
     fn warn(&self, py: Python<'_>) -> PyResult<()> {
         warn(py, &self.state.take_pending())
     }
-}
-
-/// Creates a volume from a NumPy array, with `spacing` and `labels` from the arguments.
-fn of_array(
-    py: Python<'_>,
-    array: &Bound<'_, PyAny>,
-    affine: Option<&Bound<'_, PyAny>>,
-    axes: Option<&str>,
-    arguments: &Bound<'_, PyDict>,
-) -> Outcome<InputVolume> {
-    let own = PyDict::new(py);
-    for (name, given) in
-        [("affine", affine.cloned()), ("axes", axes.map(|a| PyString::new(py, a).into_any()))]
-    {
-        if let Some(given) = given {
-            own.set_item(name, given)?;
-        }
-    }
-    for name in ["spacing", "labels", "name"] {
-        if let Some(given) = arguments.get_item(name)? {
-            own.set_item(name, given)?;
-            // `name` also names the scene.
-            if name != "name" {
-                arguments.del_item(name)?;
-            }
-        }
-    }
-    let made = py.get_type::<PyVolume>().call((array,), Some(&own))?;
-    let made = made.cast::<PyVolume>().map_err(PyErr::from)?;
-    Ok(made.get().input.clone())
-}
-
-fn unnamed(affine: Option<&Bound<'_, PyAny>>) -> Fault {
-    let name = if affine.is_some() { "affine" } else { "axes" };
-    Fault::input("bad argument", name, "it belongs to arrays: files and volumes have their own")
-}
-
-fn another_volume() -> Fault {
-    let why = "the volume is there already: arguments about reading a file belong to `read`, or to a scene of that file";
-    Fault::input("bad argument", "volume", why)
 }

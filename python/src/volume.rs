@@ -3,6 +3,7 @@
 use crate::arguments::{Request, text};
 use crate::fault::{Fault, Outcome};
 use crate::interrupts::interruptible;
+use crate::points::aligned_array;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use numpy::{IntoPyArray, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods};
@@ -317,9 +318,8 @@ fn of_image<'py>(
 fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, String, Option<String>)> {
     let refuse = |why: String| Fault::input(WHAT, name, why);
     let py = given.py();
-    let numpy = py.import("numpy")?;
     refuse_masked(given, name)?;
-    let array = numpy.call_method1("asarray", (given,));
+    let array = aligned_array(given, None);
     let array = array.map_err(|e| refuse(format!("it is no array: {}", e.value(py))))?;
     let untyped = array.cast::<PyUntypedArray>().map_err(PyErr::from)?;
     let dtype = untyped.dtype();
@@ -389,10 +389,7 @@ fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T>
 /// Reads an affine transform from a 4 x 4 matrix in a Python array.
 fn affine_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<DAffine3> {
     let refuse = |why: &str| Fault::input(WHAT, name, why);
-    let numpy = given.py().import("numpy")?;
-    let array = numpy
-        .call_method1("asarray", (given, "f8"))
-        .map_err(|_| refuse("its affine is not a 4 x 4 matrix"))?;
+    let array = aligned_array(given, Some("f8")).map_err(|_| refuse("its affine is not a 4 x 4 matrix"))?;
     let matrix: PyReadonlyArray2<'_, f64> =
         array.extract().map_err(|_| refuse("its affine is not a 4 x 4 matrix"))?;
     let m = matrix.as_array();

@@ -133,3 +133,18 @@ def test_labels_are_hidden_and_seen_otherwise(tmp_path):
 def test_what_is_no_volume_is_refused(voxels, arguments, words):
     with pytest.raises(uv.InputError, match=words):
         uv.Volume(voxels, **arguments)
+
+
+def test_arrays_may_lie_at_any_byte():
+    voxels, affine = small()
+    expected = uv.Scene(voxels.astype(np.int16), affine, tf=FUNCTION).optical_depth([[0, 0, -20]], [[1, 2, 20]])
+
+    def displaced(array):
+        at = np.empty(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
+        at[...] = array
+        assert not at.flags.aligned
+        return at
+
+    points = displaced(np.array([[0.0, 0, -20]])), displaced(np.array([[1.0, 2, 20]]))
+    scene = uv.Scene(displaced(voxels.astype(np.int16)), displaced(affine), tf=FUNCTION)
+    assert scene.optical_depth(*points) == expected

@@ -15,6 +15,8 @@ Volumes are files, or arrays with an affine from index coordinates (i, j, k) to 
 
     scene = uv.Scene(array, affine, units="hu")
 
+``Widget(scene)`` shows a scene in a notebook, to turn it, move its light and edit its opacity (needs ``anywidget``).
+
 Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance ``exp(-optical depth)``.
 """
 
@@ -58,9 +60,16 @@ def transmittance(volume, points, method=None, affine=None, *, axes=None, **argu
 _MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "flicker", "budget", "overwrite", "resume", "progress")
 
 
-def compare(volume=None, methods=None, affine=None, **arguments):
-    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
+def compare(volume=None, methods=None, affine=None, *, client=None, **arguments):
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
+
+    With ``client``, a Dask client, each method is measured on a worker.
+    """
     measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
+    if client is not None:
+        from ._cluster import compare_on
+
+        return compare_on(client, (volume, affine, arguments), methods, measuring)
     return Scene(volume, affine, **arguments).compare(methods, **measuring)
 
 
@@ -74,3 +83,12 @@ def srgb8(picture):
     linear = np.clip(picture[..., :3], 0.0, 1.0)
     codes = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255.0 * codes).astype(np.uint8)
+
+
+def __getattr__(name):
+    # Imported when it is used, because anywidget is optional.
+    if name == "Widget":
+        from ._widget import Widget
+
+        return Widget
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,6 +9,7 @@ from typing_extensions import Unpack
 from ._types import Camera as Camera
 from ._types import Cost as Cost
 from ._types import Step as Step
+from ._widget import Widget as Widget
 
 __all__ = [
     "Camera",
@@ -197,6 +198,8 @@ class Scene:
         """Renders a picture to a file (.png, .exr, .npy) like ``umbravox render``."""
     def _repr_png_(self) -> bytes:
         """Picture of the scene as a PNG file, which notebooks show."""
+    def png(self, **arguments: Unpack[SceneArguments]) -> bytes:
+        """Renders a picture to the bytes of a PNG file, over the background."""
     def exact_picture(
         self, *, progress: _Progress = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float32]:
@@ -236,6 +239,12 @@ class Scene:
         """
     def camera(self, **arguments: Unpack[SceneArguments]) -> Camera:
         """Camera of the arguments, as arguments."""
+    def settings(self, **arguments: Unpack[SceneArguments]) -> dict[str, Any]:
+        """All settings as arguments, defaults included; those about reading the volume are absent."""
+    def transfer_function(self, **arguments: Unpack[SceneArguments]) -> dict[str, Any]:
+        """Transfer function, adapted to the volume, as a dictionary in the form of a transfer-function file."""
+    def copy(self, **arguments: Unpack[SceneArguments]) -> Scene:
+        """Scene of the same volume; arguments replace settings."""
     def to_toml(self, **arguments: Unpack[SceneArguments]) -> str:
         """Text of a scene file with the same settings, defaults included."""
 
@@ -266,9 +275,14 @@ def compare(
     volume: Volume | ArrayLike | _Path | None = None,
     methods: str | Sequence[str] | None = None,
     affine: ArrayLike | None = None,
+    *,
+    client: Any = None,
     **arguments: Any,
 ) -> list[dict[str, Any]]:
-    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
+
+    With ``client``, a Dask client, each method is measured on a worker.
+    """
 
 def arguments() -> dict[str, str]:
     """Arguments of a scene, with their help."""
