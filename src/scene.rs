@@ -54,6 +54,14 @@ pub const AXIS_VIEWS: [AxisView; 6] = [
     AxisView { name: "Inferior", mark: "I", away: DVec3::NEG_Z, up: DVec3::Y },
 ];
 
+/// Returns the anatomical letters of a world direction (RAS+), the largest component first: `L`, `PS`, ...
+pub fn anatomical_marks(direction: DVec3) -> String {
+    let v = direction.normalize_or_zero();
+    let mut axes = [(v.x, "R", "L"), (v.y, "A", "P"), (v.z, "S", "I")];
+    axes.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    axes.iter().filter(|a| a.0.abs() > 0.4).map(|a| if a.0 > 0.0 { a.1 } else { a.2 }).collect()
+}
+
 impl serde::Serialize for AxisView {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.mark)

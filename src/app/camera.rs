@@ -112,18 +112,10 @@ pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     toward.normalize_or(DVec3::Z)
 }
 
-/// Returns the anatomical letters of a world direction (RAS+), the largest component first: `L`, `PS`, ...
-pub fn marks(direction: DVec3) -> String {
-    let v = direction.normalize_or_zero();
-    let mut axes = [(v.x, "R", "L"), (v.y, "A", "P"), (v.z, "S", "I")];
-    axes.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    axes.iter().filter(|a| a.0.abs() > 0.4).map(|a| if a.0 > 0.0 { a.1 } else { a.2 }).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::AXIS_VIEWS;
+    use crate::scene::{AXIS_VIEWS, anatomical_marks};
 
     fn camera() -> Camera {
         Camera {
@@ -189,11 +181,11 @@ mod tests {
 
     #[test]
     fn letters_are_those_of_ras() {
-        assert_eq!((marks(DVec3::X), marks(DVec3::NEG_X)), ("R".into(), "L".into()));
-        assert_eq!(marks(DVec3::new(0.1, -1.0, 0.6)), "PS");
+        assert_eq!((anatomical_marks(DVec3::X), anatomical_marks(DVec3::NEG_X)), ("R".into(), "L".into()));
+        assert_eq!(anatomical_marks(DVec3::new(0.1, -1.0, 0.6)), "PS");
         let mut front = camera();
         look_from(&mut front, &AXIS_VIEWS[0]);
         // From the front, the patient's right is on the left.
-        assert_eq!(marks(front.frame().right), "L");
+        assert_eq!(anatomical_marks(front.frame().right), "L");
     }
 }

@@ -98,7 +98,8 @@ fn fps(text: &str) -> Result<f64, String> {
 }
 
 impl FrameFlags {
-    /// Returns the pictures that the flags request, with their output file; `None` for a single picture. `prints_json`: the result in JSON goes to standard output.
+    /// Returns the pictures that the flags request, with their output file; `None` for a single picture. `prints_json`:
+    /// the result in JSON goes to standard output.
     ///
     /// # Errors
     /// `--fps` without an animation, or an output that cannot be written.
@@ -115,11 +116,7 @@ impl FrameFlags {
         let Some((frames, count)) = frames else { return Ok(None) };
         let plan = FramePlan { frames, count, fps: self.fps.unwrap_or(DEFAULT_FPS), output: output.into() };
         check_output_or_stdout(output, EXTENSIONS, prints_json)?;
-        if !is_animation(output) && !is_stdout(output) {
-            (0..count)
-                .find(|i| plan.frame_path(*i).is_dir())
-                .map_or(Ok(()), |taken| check_output(&plan.frame_path(taken), EXTENSIONS))?;
-        }
+        plan.check_paths()?;
         Ok(Some(plan))
     }
 }
@@ -177,7 +174,16 @@ impl FramePlan {
         if let Frames::Series(range) = self.frames {
             self.count = range.count(frames)?;
         }
-        Ok(())
+        self.check_paths()
+    }
+
+    /// Refuses numbered pictures whose paths are folders.
+    fn check_paths(&self) -> Result<()> {
+        if is_animation(&self.output) || is_stdout(&self.output) {
+            return Ok(());
+        }
+        let taken = (0..self.count).map(|number| self.frame_path(number)).find(|path| path.is_dir());
+        taken.map_or(Ok(()), |path| check_output(&path, EXTENSIONS))
     }
 
     /// Returns the position of a numbered picture.
@@ -268,7 +274,7 @@ impl FrameWriter<'_> {
     ) -> Result<(T, Vec<FrameRecord>)> {
         let FramePlan { frames: kind, count, fps, output } = self.plan;
         let written = match is_animation(output) {
-            _ if is_stdout(output) => "written pictures stay",
+            _ if is_stdout(output) => "written pictures are kept",
             false => "written pictures are kept",
             true => "nothing is written",
         };

@@ -40,11 +40,11 @@ fn header(requested: bool, columns: &str) -> String {
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub struct What {
-    /// File of segments, `x0 y0 z0 x1 y1 z1` per line, world mm; prints the exact `optical_depth transmittance` of
+    /// File of segments (`-`: standard input), `x0 y0 z0 x1 y1 z1` per line, world mm; prints the exact `optical_depth transmittance` of
     /// each, 17 digits
     #[arg(long, value_name = "FILE")]
     pub rays: Option<PathBuf>,
-    /// File of points, `x y z` per line, world mm; prints `T_method T_exact`: transmittance from the light to each
+    /// File of points (`-`: standard input), `x y z` per line, world mm; prints `T_method T_exact`: transmittance from the light to each
     /// point, by the --shadow method and exact; with `enclose=on` also `L U`, bounds on the exact one
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,

@@ -1,22 +1,23 @@
 //! `umbravox render`: renders one picture, or those of a rotation of the camera or the lights, or of a time series.
 
 use super::console::{load_scene, print_json, print_message};
-use super::frames::{FrameFlags, FrameRecord, FrameWriter, Frames, Position, Texts};
+use super::frames::{FrameFlags, FramePlan, FrameRecord, FrameWriter, Frames, Position, Texts};
 use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::animation::is_animation;
 use crate::files::loading::Loading;
-use crate::files::output::{check_output, check_output_or_stdout};
-use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture, write_picture_with};
+use crate::files::output::{check_output, check_output_or_stdout, extension_or_first, write_whole};
+use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, rgb_png, write_picture, write_picture_with};
 use crate::gpu::{Clock, Gpu};
 use crate::measure::certified::{self, Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
-use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings, values};
+use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings, values};
 use crate::render::{Omission, Picture, Renderer};
+use crate::report::annotate::annotated;
 use crate::scene::{LightSource, Scene};
-use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
+use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -38,6 +39,10 @@ pub struct RenderArgs {
     /// another
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Mark the picture (.png): directions of the patient, a scale bar in mm at the camera's target, and the colours of
+    /// the transfer function
+    #[arg(long, conflicts_with_all = ["turntable", "light_sweep", "frames"])]
+    pub annotate: bool,
     /// Print an upper bound, at 99 % confidence, on the mean error of the picture's shadows, and an estimate of that
     /// error: from the exact transmittance at 10,000 random points
     #[arg(long, conflicts_with_all = ["turntable", "light_sweep", "frames"])]
@@ -58,15 +63,15 @@ pub struct RenderArgs {
 /// # Errors
 /// Bad input, a failure of the device or disk, or an interruption between two pictures.
 pub fn run(args: RenderArgs) -> Result<()> {
-    let mut plan = args.frames.plan(&args.output, args.scene.request.run.json)?;
+    let SceneRequest { mut settings, run } = args.scene.clone().into_request()?;
+    let mut plan = args.frames.plan(&args.output, run.json)?;
     if plan.is_none() {
         let hint = "--turntable and --light-sweep make one animated file";
         let animated = is_animation(&args.output);
-        check_output_or_stdout(&args.output, PICTURE_EXTENSIONS, args.scene.request.run.json)
+        check_output_or_stdout(&args.output, PICTURE_EXTENSIONS, run.json)
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
     check_error_picture(&args)?;
-    let SceneRequest { mut settings, run } = args.scene.into_request()?;
     if let Some(range) = args.frames.frames {
         settings.read_flags.frame = Some(range.first());
     }
@@ -77,82 +82,106 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let method = spec.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
-    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
-    plan.iter_mut().try_for_each(|plan| plan.set_file_frames(volume.provenance.frames))?;
+    if args.annotate
+        && (backdrop == Backdrop::LeftOut || extension_or_first(&args.output, PICTURE_EXTENSIONS)? != "png")
+    {
+        let why = "marks are drawn over the background of a .png file";
+        return Err(Error::input("bad command line", "--annotate", why));
+    }
+    let loaded = load_scene(&settings)?;
+    plan.iter_mut().try_for_each(|plan| plan.set_file_frames(loaded.volume.provenance.frames))?;
     if args.certify.is_some() {
-        certified::check(&scene)?;
+        certified::check(&loaded.scene)?;
     }
     let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
     let adapter = renderer.gpu().info.name.clone();
     // A shadow map is reused only if a new one would be identical, so each picture equals one rendered alone.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
-    let asked = args.error_bound || args.certify.is_some();
-    let exact = asked.then(|| exact_field((&volume, &tf), strands.as_deref(), &scene)).transpose()?;
-    session.load(Arc::clone(&volume), strands)?;
-    session.set_transfer(&tf, &mut Work::default())?;
-    let texts = |scene: &Scene, position: Option<Position>| -> Result<Texts> {
-        let mut resolved = settings.resolved(scene, &tf_source, suiting);
+    session.load(Arc::clone(&loaded.volume), loaded.strands.clone())?;
+    session.set_transfer(&loaded.tf, &mut Work::default())?;
+    let job = RenderJob { args: &args, settings: &settings, spec, method, backdrop, loaded, adapter };
+    let summary = match &plan {
+        None => job.draw_one(&mut session)?,
+        Some(plan) => job.draw_several(&mut session, plan)?,
+    };
+    summary.report(&run)
+}
+
+/// Pictures to render, with everything that is the same for all of them.
+struct RenderJob<'a> {
+    args: &'a RenderArgs,
+    settings: &'a SceneSettings,
+    spec: MethodSpec,
+    method: Box<dyn Method>,
+    backdrop: Backdrop,
+    loaded: Loaded,
+    adapter: String,
+}
+
+impl RenderJob<'_> {
+    /// Returns the texts in a picture's file. `position` is its place among several.
+    fn texts(&self, scene: &Scene, position: Option<Position>) -> Result<Texts> {
+        let mut resolved = self.settings.resolved(scene, &self.loaded.tf_source, self.loaded.suiting);
         if let Some(Position::Frame { frame }) = position {
             resolved.read_flags.frame = Some(frame);
         }
-        resolved.shadow = Some(spec.clone());
-        let certify = args.certify.map(|eta| ("umbravox:certify".to_owned(), eta.to_string()));
-        Ok(picture_texts(&adapter, Some(&resolved))?.into_iter().chain(certify).collect())
-    };
-    let summary_of = |prepared: &Prepared<'_>, picture: &Picture| {
-        Summary::new(&args.output, prepared, method.as_ref(), &scene, picture)
-    };
-    let summary = match &plan {
-        None => {
-            let extent = (&scene, MapCoverage::Picture);
-            let prepared = session.prepare(method.as_ref(), extent, &mut Work::default())?;
-            let mut picture = prepared.render(&scene)?;
-            let certified = exact.as_ref().zip(args.certify);
-            let certified =
-                certified.map(|(field, eta)| certify(&prepared, field, &scene, eta)).transpose()?;
-            certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
-            write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene, None)?)?;
-            if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
-                write_picture(path, &certified.error_pixels())?;
+        resolved.shadow = Some(self.spec.clone());
+        let certify = self.args.certify.map(|eta| ("umbravox:certify".to_owned(), eta.to_string()));
+        Ok(picture_texts(&self.adapter, Some(&resolved))?.into_iter().chain(certify).collect())
+    }
+
+    fn summary(&self, prepared: &Prepared<'_>, picture: &Picture) -> Summary {
+        Summary::new(&self.args.output, prepared, self.method.as_ref(), &self.loaded.scene, picture)
+    }
+
+    /// Draws and writes a single picture.
+    fn draw_one(&self, session: &mut CachedSession) -> Result<Summary> {
+        let Self { args, loaded: Loaded { volume, strands, tf, scene, .. }, .. } = self;
+        let asked = args.error_bound || args.certify.is_some();
+        let exact = asked.then(|| exact_field((volume, tf), strands.as_deref(), scene)).transpose()?;
+        let extent = (scene, MapCoverage::Picture);
+        let prepared = session.prepare(self.method.as_ref(), extent, &mut Work::default())?;
+        let mut picture = prepared.render(scene)?;
+        let certified = exact.as_ref().zip(args.certify);
+        let certified = certified.map(|(field, eta)| certify(&prepared, field, scene, eta)).transpose()?;
+        certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
+        let texts = self.texts(scene, None)?;
+        if args.annotate {
+            let marked = annotated(&picture.pixels, scene, (tf, volume.value_range()))?;
+            let bytes = rgb_png(&marked, &texts)?;
+            write_whole(&args.output, |file| file.write_all(&bytes))?;
+        } else {
+            write_picture_with(&args.output, &picture.pixels, self.backdrop, &texts)?;
+        }
+        if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
+            write_picture(path, &certified.error_pixels())?;
+        }
+        let mean_error = exact.filter(|_| args.error_bound).map(|f| mean_error(&f, scene, &prepared));
+        let certificate = certified.as_ref().map(CertifiedPicture::certificate);
+        Ok(Summary { mean_error: mean_error.transpose()?, certificate, ..self.summary(&prepared, &picture) })
+    }
+
+    /// Draws and writes the pictures of a rotation or of a time series.
+    fn draw_several(&self, session: &mut CachedSession, plan: &FramePlan) -> Result<Summary> {
+        let Loaded { tf_source, scene, suiting, .. } = &self.loaded;
+        // All frames have the camera of the first, and units and extinction as that one.
+        let later = self.settings.resolved(scene, tf_source, *suiting);
+        let at = |session: &mut CachedSession, position: Position| match (plan.frames, position) {
+            (Frames::Rotation(rotation), Position::Angle { angle_deg }) => {
+                Ok(rotation.rotated(scene, angle_deg))
             }
-            let mean_error = exact.filter(|_| args.error_bound).map(|f| mean_error(&f, &scene, &prepared));
-            let certificate = certified.as_ref().map(CertifiedPicture::certificate);
-            Summary { mean_error: mean_error.transpose()?, certificate, ..summary_of(&prepared, &picture) }
-        }
-        Some(plan) => {
-            let later = settings.resolved(&scene, &tf_source, suiting);
-            let at = |session: &mut CachedSession, position: Position| match (plan.frames, position) {
-                (Frames::Rotation(rotation), Position::Angle { angle_deg }) => {
-                    Ok(rotation.rotated(&scene, angle_deg))
-                }
-                (_, Position::Frame { frame }) if Some(frame) != settings.read_flags.frame => {
-                    load_frame(session, &later, frame)
-                }
-                _ => Ok(scene.clone()),
-            };
-            let texts = |scene: &Scene, position| texts(scene, Some(position));
-            let writer = FrameWriter { plan, backdrop, texts: &texts, scene: &at };
-            let (first, frames) = writer.write(&mut session, method.as_ref(), &scene, summary_of)?;
-            Summary { frames: Some(frames), ..first }
-        }
-    };
-    if let Some(MeanError { estimate, bound }) = summary.mean_error {
-        print_message("mean error", &format!("at most {bound:.4} (99 % confidence), about {estimate:.4}"));
+            (_, Position::Frame { frame }) if Some(frame) != self.settings.read_flags.frame => {
+                load_frame(session, &later, frame)
+            }
+            _ => Ok(scene.clone()),
+        };
+        let texts = |scene: &Scene, position| self.texts(scene, Some(position));
+        let writer = FrameWriter { plan, backdrop: self.backdrop, texts: &texts, scene: &at };
+        let on_first = |prepared: &Prepared<'_>, picture: &Picture| self.summary(prepared, picture);
+        let (first, frames) = writer.write(session, self.method.as_ref(), scene, on_first)?;
+        Ok(Summary { frames: Some(frames), ..first })
     }
-    if let Some(Certificate { largest, mean, share_of_rays }) = summary.certificate {
-        let rays = 100.0 * share_of_rays;
-        let text =
-            format!("estimated error at most {largest:.4}, mean {mean:.4}, rays for {rays:.1} % of lookups");
-        print_message("certified", &text);
-    }
-    if run.explain {
-        summary.explain();
-    }
-    if run.json {
-        print_json(&summary)?;
-    }
-    Ok(())
 }
 
 /// Puts a frame of a time series into a session, and returns its scene.
@@ -291,6 +320,27 @@ impl Summary {
             left_out: picture.plan.left_out.clone(),
             frames: None,
         }
+    }
+
+    /// Prints what the user asked for.
+    fn report(&self, run: &RunFlags) -> Result<()> {
+        if let Some(MeanError { estimate, bound }) = self.mean_error {
+            print_message(
+                "mean error",
+                &format!("at most {bound:.4} (99 % confidence), about {estimate:.4}"),
+            );
+        }
+        if let Some(Certificate { largest, mean, share_of_rays }) = self.certificate {
+            let rays = 100.0 * share_of_rays;
+            let text = format!(
+                "estimated error at most {largest:.4}, mean {mean:.4}, rays for {rays:.1} % of lookups"
+            );
+            print_message("certified", &text);
+        }
+        if run.explain {
+            self.explain();
+        }
+        if run.json { print_json(self) } else { Ok(()) }
     }
 
     fn explain(&self) {

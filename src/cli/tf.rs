@@ -50,7 +50,7 @@ struct ExportArgs {
 #[derive(Debug, Args)]
 struct ConvertArgs {
     /// Transfer-function file: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and
-    /// NiiVue's .json, Inviwo's .itf; the content decides the format
+    /// NiiVue's .json, Inviwo's .itf; the content decides the format. `-` is standard input
     #[arg(value_name = "IN")]
     input: PathBuf,
     #[command(flatten)]

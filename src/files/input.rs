@@ -34,7 +34,8 @@ pub fn source_name(source: &str) -> &str {
         .unwrap_or(source)
 }
 
-/// Reads a UTF-8 text file, or standard input for `-`; `what` is the beginning of the error message, e.g. `cannot read scene file`.
+/// Reads a UTF-8 text file, or standard input for `-`; `what` is the beginning of the error message, e.g. `cannot read
+/// scene file`.
 ///
 /// # Errors
 /// The file cannot be read, is not UTF-8 or is larger than 256 MiB.

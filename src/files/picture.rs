@@ -170,6 +170,14 @@ pub(super) fn png_encoder<W: std::io::Write>(
     Ok(encoder)
 }
 
+/// Encodes an 8-bit RGB picture as the bytes of a PNG file with text metadata.
+///
+/// # Errors
+/// The encoder fails.
+pub fn rgb_png(picture: &image::RgbImage, texts: &[(String, String)]) -> Result<Vec<u8>> {
+    encode_png(picture.as_raw(), [picture.width(), picture.height()], png::ColorType::Rgb, texts)
+}
+
 /// Length in bytes of the PNG signature and header chunk, after which text chunks are inserted.
 const PNG_HEADER: usize = 33;
 
@@ -193,10 +201,12 @@ pub fn with_texts(mut file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u
 /// First bytes of every PNG file.
 const PNG_SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 
-/// Returns whether the first bytes of a file are those of a PNG file.
+/// Returns whether the first bytes of a file are those of a PNG file. A pipe, which can be read once, is none.
 pub fn is_png(path: &Path) -> bool {
     let mut head = [0; PNG_SIGNATURE.len()];
-    File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == PNG_SIGNATURE
+    path.is_file()
+        && File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok()
+        && head == PNG_SIGNATURE
 }
 
 /// Reads a text of the metadata of a PNG file by its key; `None` if there is no such text before the pixels.

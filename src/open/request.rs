@@ -48,7 +48,7 @@ pub struct SceneArgs {
     #[command(flatten)]
     pub request: SceneRequest,
     /// TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
-    /// --scene
+    /// --scene. `-` is standard input
     #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
     pub scene: Vec<PathBuf>,
 }

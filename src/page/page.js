@@ -493,7 +493,7 @@ class Page {
     this.light = record.uniforms.light ? record.lights.findIndex((toward) => toward !== null) : -1;
     this.targets = new Map();
     // Pixels of a picture are this many times larger while camera or light move.
-    this.coarseness = 4;
+    this.coarseness = 8;
     this.number = 0;
     this.reset();
     this.listen();

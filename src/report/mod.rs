@@ -8,6 +8,7 @@
 //! [`mod@merge`] merges shards. [`ablation`] writes the ablation table.
 
 pub mod ablation;
+pub mod annotate;
 pub mod budgets;
 pub mod canvas;
 mod folder;

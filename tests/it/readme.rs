@@ -90,7 +90,8 @@ fn every_command_shown_is_accepted() {
     let mut count = 0;
     for (path, page) in pages() {
         for line in blocks(&page).flat_map(|(_, text)| text.lines()) {
-            for part in line.split(" && ").map(words).filter(|w| w.first().is_some_and(|w| w == "umbravox")) {
+            let commands = line.split(" && ").flat_map(|part| part.split(" | "));
+            for part in commands.map(words).filter(|w| w.first().is_some_and(|w| w == "umbravox")) {
                 let parsed = umbravox::cli::command().try_get_matches_from(&part);
                 let error = parsed.err().map_or(String::new(), |e| e.to_string());
                 assert!(error.is_empty(), "{}: {line}\n{error}", path.display());

@@ -4,10 +4,9 @@ use super::clip;
 use super::difference::{Difference, legend};
 use super::light;
 use super::widgets::{project, shadowed_text};
-use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::theme;
-use crate::scene::Light;
+use crate::scene::{Light, anatomical_marks};
 use eframe::egui::{self, Align2, Color32, Rect, Stroke, vec2};
 
 /// Minimum distance between an anatomical letter and the split line of the picture, screen points.
@@ -33,7 +32,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
             (egui::pos2(middle, top), Align2::CENTER_TOP, frame.up),
             (egui::pos2(middle, rect.bottom() - 10.0), Align2::CENTER_BOTTOM, -frame.up),
         ] {
-            let letters = camera::marks(direction);
+            let letters = anatomical_marks(direction);
             shadowed_text(painter, at, align, &letters, 15.0, theme::OVER_PICTURE);
         }
     }

@@ -1,11 +1,11 @@
 //! Three slices of the volume along its axes, with a crosshair that is linked to the probe.
 
-use crate::app::camera::marks;
 use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::app::panels::widgets::shadowed_text;
 use crate::app::theme;
 use crate::engine::messages::ProbeTarget;
+use crate::scene::anatomical_marks;
 use crate::volume::Volume;
 use eframe::egui::{self, Align2, Color32, Rect, Sense, Stroke, pos2, vec2};
 use glam::DVec3;
@@ -149,7 +149,7 @@ impl Slices {
             (place.center_top() + vec2(0.0, 2.0), Align2::CENTER_TOP, -sign(flip[1]) * world[1]),
         ];
         for (at, align, direction) in letters {
-            shadowed_text(&painter, at, align, &marks(direction), 12.0, theme::OVER_PICTURE);
+            shadowed_text(&painter, at, align, &anatomical_marks(direction), 12.0, theme::OVER_PICTURE);
         }
         let note = format!("{} / {}", depth + 1, dims[through]);
         let corner = cell.right_bottom() - vec2(3.0, 1.0);

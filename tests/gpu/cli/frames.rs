@@ -62,7 +62,13 @@ fn bad_sequences_are_refused_in_a_line() {
         (&["--light-sweep=18446744073709551617"], "a.png", "--light-sweep"),
         (&["--turntable=3", "--light-sweep=3"], "a.png", "cannot be used with"),
         (&["--turntable=3", "--fps=5"], "a.png", "--fps"),
-        (&["--fps=5"], "a.png", "--turntable or --light-sweep"),
+        (&["--fps=5"], "a.png", "--turntable, --light-sweep or --frames"),
+        (&["--frames=2:1"], "a.png", "FIRST at most LAST"),
+        (&["--frames=all", "--frame=1"], "a.png", "cannot be used with"),
+        (&["--frames=0:1"], "a.png", "--frame"),
+        (&["--annotate"], "a.exr", "--annotate"),
+        (&["--annotate", "--background=none"], "a.png", "--annotate"),
+        (&["--json"], "-", "--json goes to standard output"),
         (&["--turntable=3", "--fps=0"], "a.gif", "0.1 to 50"),
         (&["--turntable=3", "--fps=nan"], "a.gif", "0.1 to 50"),
         (&[], "a.gif", "must end in one of .png, .exr, .npy"),
@@ -137,6 +143,38 @@ fn pictures_of_a_turntable_are_those_from_their_eyes() {
             assert!(counts[1..].iter().all(|c| *c == [0, 1]), "{shadow}: {counts:?}");
         }
     }
+}
+
+#[test]
+fn pictures_of_a_time_series_are_those_of_its_frames() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/files/frames.npy");
+    let series = ["render", file.to_str().unwrap(), "--tf=uniform", "--size=31x23"];
+    let run = |more: &[&str]| {
+        let output = umbravox(folder, &[&series, more].concat());
+        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let json: serde_json::Value =
+        serde_json::from_slice(&run(&["--frames=all", "-o", "t.png", "--json"])).unwrap();
+    let frames = json["frames"].as_array().unwrap();
+    assert!(frames.len() > 1 && frames[1]["frame"] == 1, "{json}");
+    for number in 0..frames.len() {
+        let numbered = bytes(folder, &format!("t_{number:04}.png"));
+        std::fs::write(folder.join("scene.toml"), scene_text(&numbered)).unwrap();
+        let again = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
+        assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+        assert_eq!(numbered, bytes(folder, "again.png"), "frame {number}");
+        let scene = SceneRequest::from_toml(&scene_text(&numbered)).unwrap().settings;
+        assert_eq!(scene.read_flags.frame, Some(number));
+    }
+    let streamed = run(&["--frames=all", "-o", "-"]);
+    let numbered: Vec<u8> = (0..frames.len()).flat_map(|n| bytes(folder, &format!("t_{n:04}.png"))).collect();
+    assert_eq!(streamed, numbered);
 }
 
 #[test]

@@ -97,6 +97,23 @@ fn a_png_holds_the_scene_file_that_draws_it() {
 }
 
 #[test]
+fn an_annotated_png_has_marks_and_the_scene() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    render(dir.path(), &["--size=200x160"], "plain.png");
+    render(dir.path(), &["--size=200x160", "--annotate"], "marked.png");
+    let [plain, marked] = ["plain.png", "marked.png"].map(|name| image::open(dir.path().join(name)).unwrap());
+    let [plain, marked] = [plain, marked].map(|image| image.to_rgb8());
+    let changed = plain.pixels().zip(marked.pixels()).filter(|(a, b)| a != b).count();
+    assert!(plain.dimensions() == marked.dimensions() && (100..8000).contains(&changed), "{changed}");
+    let run = umbravox(dir.path(), &["render", "--scene=marked.png", "-o", "again.png"]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert_eq!(image::open(dir.path().join("again.png")).unwrap().to_rgb8(), plain);
+}
+
+#[test]
 fn a_certified_png_says_what_it_is() {
     if !common::has_adapter() {
         return;
