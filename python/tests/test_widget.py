@@ -239,6 +239,14 @@ def test_states_that_mean_nothing_are_refused(widget):
     assert widget.distance == 20
 
 
+def test_a_page_cannot_set_what_is_hidden_and_gets_errors_of_its_state(widget):
+    size, home = widget._size, widget._home
+    widget.set_state({"_size": [100_000, 100_000], "_home": {}})
+    assert (widget._size, widget._home) == (size, home)
+    widget.set_state({"opacity_points": [], "_request": {"id": "page-1", "drag": True}})
+    assert widget._answer["id"] == "page-1" and widget._error
+
+
 @pytest.mark.parametrize("light", ["dir:0,1,1", "point:90,40,30,color=#ff8040,intensity=0.5"])
 def test_the_state_is_the_scene(light, adapter):
     voxels, affine = small()

@@ -100,13 +100,25 @@ class Widget(anywidget.AnyWidget):
 
     def set_state(self, sync_data: Any) -> None:
         """Takes over the state of a page, and draws the picture that the page requests."""
-        self._of_page = True
+        # Of the hidden names, a page sets its request alone.
+        hidden = "_home", "_axes", "_size", "_editor", "_picture", "_answer", "_error"
+        given = {name: value for name, value in sync_data.items() if name not in hidden}
+        self._of_page, error = True, ""
         try:
-            super().set_state(sync_data)
+            super().set_state(given)
+        except traitlets.TraitError as e:
+            error = str(e)
         finally:
             self._of_page = False
-        if "_request" in sync_data:
-            self._draw(self._request)
+        request = given.get("_request")
+        if not isinstance(request, dict):
+            return
+        if error:
+            # A page waits for the answer.
+            with self.hold_sync():
+                self._error, self._answer = error, {"id": request.get("id")}
+        else:
+            self._draw(request)
 
     def _changed(self, _change: Any) -> None:
         # A change by a page comes with a request, of all that it changes.
