@@ -5,6 +5,7 @@ use super::export::{check_embedded, page_methods, scene_page};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
+use crate::files::input::STANDARD_STREAM;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
@@ -58,7 +59,8 @@ pub struct CompareArgs {
     /// Measure only part I of N (a shard) of the table's rows, I from 1 to N; `umbravox merge` combines the shards
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
-    /// Also write a page that draws each scene in a browser with the compared methods, as `umbravox export` does
+    /// Also write a page that draws each scene in a browser with --methods, as `umbravox export` does. Its maps have
+    /// fit=volume, so that its errors differ from those of the table
     #[arg(long)]
     pub page: bool,
     /// Allow that the pages of --page hold the voxels, labels and meshes of the scene's files
@@ -200,13 +202,13 @@ pub fn run(args: CompareArgs) -> Result<()> {
         .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
     drop((journal, renderer));
     let rows = publish(made, &output, &args.output, &layout)?;
-    if args.page {
-        write_pages(&run, &scenes, &rows, adapter.as_deref(), &args.output)?;
-    }
-    verdict(&rows, &args.output)
+    let pages =
+        if args.page { write_pages(&run, &scenes, &rows, adapter.as_deref(), &args.output) } else { Ok(()) };
+    verdict(&rows, &args.output).and(pages)
 }
 
-/// Writes a page for each scene that draws it in a browser, with the methods whose rows did not fail.
+/// Writes a page for each scene that draws it in a browser, with the requested methods whose rows did not fail. A page
+/// that fails does not end the others.
 fn write_pages(
     run: &Run,
     scenes: &[RecordedScene],
@@ -214,10 +216,11 @@ fn write_pages(
     adapter: Option<&str>,
     folder: &Path,
 ) -> Result<()> {
+    let mut failure = Ok(());
     for (i, (scene, here)) in scenes.iter().zip(run.methods_here()).enumerate() {
         let failed = |method: &dyn Method| {
-            let is_of = |row: &Row| (&*row.method, &row.params) == (method.name(), &method.params());
-            rows.iter().any(|row| row.has_failed() && row.scene == run.scenes[i].name && is_of(row))
+            let of_scene = rows.iter().filter(|row| row.has_failed() && row.scene == run.scenes[i].name);
+            of_scene.into_iter().any(|row| is_row_of(row, method))
         };
         let all = parse_distinct(&run.methods)?.into_iter().zip(here);
         let methods =
@@ -226,13 +229,25 @@ fn write_pages(
         if methods.is_empty() {
             continue;
         }
-        let loaded = scene.settings.load(&Loading::default())?;
-        let page = scene_page(&scene.settings, &loaded, &methods, adapter)?;
         let path = folder.join(run.page_name(i));
-        write_whole(&path, |file| file.write_all(page.html.as_bytes()))?;
-        print_message("page", &path.display());
+        let page = scene.settings.load(&Loading::default());
+        let page = page.and_then(|loaded| scene_page(&scene.settings, &loaded, &methods, adapter));
+        match page.and_then(|page| write_whole(&path, |file| file.write_all(page.html.as_bytes()))) {
+            Ok(()) => print_message("page", &path.display()),
+            Err(error) if error.is_cancelled() => return Err(error),
+            Err(error) => {
+                print_message("warning", &format_args!("{} is not written: {error}", path.display()));
+                failure = failure.and(Err(error));
+            }
+        }
     }
-    Ok(())
+    failure
+}
+
+/// Whether a table row has a method with all of its settings.
+fn is_row_of(row: &Row, method: &dyn Method) -> bool {
+    let size = method.map_size();
+    (&*row.method, &row.params) == (method.name(), &method.params()) && (size.is_none() || row.map == size)
 }
 
 /// Measures the rows of the table that compares shadow methods, with progress on the terminal. An interrupt (Ctrl-C)
@@ -294,7 +309,8 @@ fn read_all(
     let several = scenes.len() > 1 || each_light;
     for (i, settings) in scenes.into_iter().enumerate() {
         let loaded = load_scene(&settings)?;
-        let of_file = || paths.get(i).map(|path| stem(path));
+        let of_file =
+            || paths.get(i).filter(|path| *path != Path::new(STANDARD_STREAM)).map(|path| stem(path));
         let name = settings.name.clone().or_else(of_file);
         let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
         names.push(name.clone());

@@ -4,7 +4,6 @@ use super::console::{StepDisplay, load_scene, print_json, print_message};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
-use crate::field::Optimization;
 use crate::files::input::source_name;
 use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::gpu::{Gpu, Tuning};
@@ -15,7 +14,7 @@ use crate::measure::picture_errors::picture_errors;
 use crate::measure::progress::Progress;
 use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
 use crate::page::{PageTexts, html, page_data};
-use crate::render::{DisabledOptimizations, Renderer, Session};
+use crate::render::{Renderer, Session};
 use crate::report::make::scene_name;
 use crate::scene::LightSource;
 use crate::shadow::{Method, parse_distinct};
@@ -49,9 +48,9 @@ const POINTS: usize = 2000;
 /// # Errors
 /// Bad input, a scan without `--embed-volume`, a failure of the device or disk, or an interruption.
 pub fn run(args: ExportArgs) -> Result<()> {
-    check_output_or_stdout(&args.output, &["html"], args.scene.request.run.json)?;
     let methods = page_methods(parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
+    check_output_or_stdout(&args.output, &["html"], run.json)?;
     check_embedded(&settings, args.embed_volume)?;
     let loaded = load_scene(&settings)?;
     let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, run.adapter.as_deref())?;
@@ -92,19 +91,21 @@ pub fn scene_page(
     methods: &[Box<dyn Method>],
     adapter: Option<&str>,
 ) -> Result<Page> {
-    let disabled = settings.disabled_optimizations();
-    let session = |tuning: Option<Tuning>, disabled| {
+    let session = |tuning: Option<Tuning>| {
         let mut gpu = Gpu::open(adapter)?;
         gpu.tuning = tuning.unwrap_or(gpu.tuning);
         let renderer = Arc::new(Renderer::new(gpu));
-        let session = Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, disabled)?;
+        let session = Session::on(
+            &renderer,
+            Arc::clone(&loaded.volume),
+            &loaded.tf,
+            settings.disabled_optimizations(),
+        )?;
         Ok(session.with_strands(loaded.strands.clone()))
     };
-    let rows = measured(&session(None, disabled)?, methods, loaded)?;
-    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter. A map
-    // with all tiles can be built for every light.
-    let disabled = disabled.and(DisabledOptimizations::only(Optimization::Tiles));
-    let data = page_data(&session(Some(Tuning::CARD), disabled)?, methods, &loaded.scene)?;
+    let rows = measured(&session(None)?, methods, loaded)?;
+    // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter.
+    let data = page_data(&session(Some(Tuning::CARD))?, methods, &loaded.scene)?;
     Ok(Page { html: html(&texts(settings, loaded), &rows, &data)?, rows })
 }
 

@@ -17,8 +17,8 @@ pub struct BuildPass {
 pub struct BuildLimit {
     /// Counters that the passes of the build increase from 0.
     pub counters: wgpu::Buffer,
-    /// Index of the counter of entries for which there was no memory.
-    pub missing: usize,
+    /// Indices of the counters that stay 0 in a complete build: entries without memory, and rays that ended early.
+    pub missing: [usize; 2],
     /// Index of the counter of entries that the finished map needs.
     pub needed: usize,
     /// Number of entries for which the finished map has memory.

@@ -42,7 +42,8 @@ impl<'a> TileMarch<'a> {
         let gpu = context.gpu();
         let light_space = context.light_space(shape);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
-        if context.transfer.disabled.has(Optimization::Tiles) {
+        // A recorded build serves every light.
+        if context.transfer.disabled.has(Optimization::Tiles) || context.recorder.is_some() {
             occupied = TileSet::all(occupied.across());
         }
         let across = occupied.across();

@@ -33,11 +33,12 @@ struct LengthRecord {
     power: i32,
 }
 
-/// Memory that may be too small: indices of two counters in a buffer, and the largest value of the second.
+/// Memory that may be too small: indices of counters in a buffer, and the largest value of `needed`.
 #[derive(Debug, Serialize)]
 struct LimitRecord {
     resource: usize,
-    missing: usize,
+    /// Counters that stay 0 in a complete build.
+    missing: [usize; 2],
     needed: usize,
     most: u32,
 }
@@ -46,7 +47,7 @@ struct LimitRecord {
 #[derive(Debug, Serialize)]
 pub(super) struct BuildRecord {
     passes: Vec<PassRecord>,
-    /// Indices of the buffers that hold zeros before the first pass.
+    /// Indices of the buffers and textures that hold zeros before the first pass. Rays without matter write nothing.
     cleared: Vec<usize>,
     lengths: Vec<LengthRecord>,
     limit: Option<LimitRecord>,
@@ -67,11 +68,16 @@ pub(super) fn recorded_maps(
         return Ok((renderer.shadows_in(loaded, transfer, method, scene, None)?, None));
     }
     let lights = scene.shining().into_iter();
-    let made: Vec<_> = lights
-        .map(|source| renderer.recorded_shadow(loaded, transfer, method, source.light))
-        .collect::<Result<_>>()?;
-    let (maps, builds) = made.into_iter().unzip();
-    Ok((maps, Some(builds)))
+    let recorded: Result<Vec<_>> =
+        lights.map(|source| renderer.recorded_shadow(loaded, transfer, method, source.light)).collect();
+    match recorded {
+        Ok(made) => {
+            let (maps, builds) = made.into_iter().unzip();
+            Ok((maps, Some(builds)))
+        }
+        // A map with all tiles may be too large.
+        Err(_) => Ok((renderer.shadows_in(loaded, transfer, method, scene, None)?, None)),
+    }
 }
 
 fn written(build: &RecordedBuild) -> impl Iterator<Item = &Resource> {
@@ -88,8 +94,8 @@ pub(super) fn map_record(
     build: &RecordedBuild,
     (map, lookup): (&Group, &ShaderVariant),
 ) -> Result<(usize, BuildRecord)> {
-    let is_kept = |resource: &Resource| map.entries().any(|(_, kept)| kept == resource);
-    written(build).for_each(|resource| contents.add_written(resource, is_kept(resource)));
+    let has_contents = |resource: &Resource| map.entries().any(|(_, kept)| kept == resource);
+    written(build).for_each(|resource| contents.add_written(resource, has_contents(resource)));
     let group = contents.group(map)?;
     let mut record =
         BuildRecord { passes: Vec::new(), cleared: Vec::new(), lengths: Vec::new(), limit: None };
@@ -100,8 +106,8 @@ pub(super) fn map_record(
         record.add_lengths(contents, &pass.groups[1], &pass.shader)?;
     }
     record.add_lengths(contents, map, lookup)?;
-    for buffer in written(build).filter(|resource| matches!(resource, Resource::Buffer { .. })) {
-        let at = contents.known(buffer);
+    for resource in written(build) {
+        let at = contents.known(resource);
         record.cleared.extend(at.filter(|at| !record.cleared.contains(at)));
     }
     record.limit = build.limit.as_ref().and_then(|limit| {

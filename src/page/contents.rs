@@ -94,10 +94,10 @@ impl<'a> Contents<'a> {
         }
     }
 
-    /// Adds a resource that shaders write, before the first bind group that has it. `is_kept`: the page holds its contents.
-    pub fn add_written(&mut self, resource: &Resource, is_kept: bool) {
+    /// Adds a resource that shaders write, before the first bind group that has it. `has_contents`: the page holds its contents.
+    pub fn add_written(&mut self, resource: &Resource, has_contents: bool) {
         if self.written.iter().all(|(known, _)| known != resource) {
-            self.written.push((resource.clone(), is_kept));
+            self.written.push((resource.clone(), has_contents));
         }
     }
 

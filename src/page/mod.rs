@@ -25,6 +25,9 @@ use std::io::Write;
 /// Largest size of the data of a page, bytes. Texts of browsers end near 512 MiB, and the data become base64.
 const MOST_DATA: usize = 300_000_000;
 
+/// Largest size of the same data when they are unpacked, bytes.
+const MOST_UNPACKED: usize = 1 << 30;
+
 /// Camera of a picture, lengths in mm.
 #[derive(Debug, Serialize)]
 struct CameraRecord {
@@ -148,17 +151,20 @@ pub fn page_data(session: &Session, methods: &[Box<dyn Method>], scene: &Scene) 
         methods: records,
         contents: &contents,
     };
-    let data = packed(&record, &contents.bytes)?;
-    if data.len() > MOST_DATA {
+    let check = |bytes: usize, most: usize, what: &str| {
         let why = format!(
-            "its data have {} MB, and a page holds at most {}",
-            data.len() / 1_000_000,
-            MOST_DATA / 1_000_000
+            "its {what} have {} MB, and a page holds at most {}",
+            bytes / 1_000_000,
+            most / 1_000_000
         );
-        return Err(Error::input("cannot write page", &loaded.volume.provenance.source, why)
-            .hint("--downsample makes the volume smaller; fewer --methods need less"));
-    }
-    Ok(data)
+        let source = &loaded.volume.provenance.source;
+        let error = Error::input("cannot write page", source, why)
+            .hint("--downsample makes the volume smaller; fewer --methods need less");
+        if bytes > most { Err(error) } else { Ok(()) }
+    };
+    check(contents.bytes.len(), MOST_UNPACKED, "unpacked data")?;
+    let data = packed(&record, &contents.bytes)?;
+    check(data.len(), MOST_DATA, "data").map(|()| data)
 }
 
 /// Returns the layouts of the uniforms that a page writes.

@@ -301,20 +301,32 @@ class Renderer {
     }
   }
 
+  // Fills a buffer or a texture with zeros; new textures hold them.
+  clear(index, encoder) {
+    const { buffer, texture } = this.resources[index];
+    if (buffer) {
+      encoder.clearBuffer(buffer);
+    } else {
+      texture.destroy();
+      this.resources[index] = this.create({ ...this.record.contents.resources[index], at: null });
+    }
+  }
+
   // Builds the shadow maps of a method for the present light and extinction, unless they are.
   async build(method) {
     if (!this.outdated.has(method)) return;
     for (const { passes, cleared, limit } of method.builds) {
       const encoder = this.device.createCommandEncoder();
-      cleared.forEach((i) => encoder.clearBuffer(this.resources[i].buffer));
+      cleared.forEach((i) => this.clear(i, encoder));
       this.device.queue.submit([encoder.finish()]);
       for (const { pipeline, groups, workgroups } of passes) {
         this.run([{ pipeline: await this.pipeline(pipeline), groups: groups.map((i) => this.bind(i)), workgroups }]);
         await this.device.queue.onSubmittedWorkDone();
       }
       if (!limit) continue;
-      const counters = new Uint32Array(await this.read(this.resources[limit.resource].buffer, 4 * (Math.max(limit.missing, limit.needed) + 1)));
-      if (counters[limit.missing] > 0 || counters[limit.needed] > limit.most) {
+      const words = Math.max(...limit.missing, limit.needed) + 1;
+      const counters = new Uint32Array(await this.read(this.resources[limit.resource].buffer, 4 * words));
+      if (limit.missing.some((i) => counters[i] > 0) || counters[limit.needed] > limit.most) {
         throw new TooLarge(`The map of ${method.label} does not fit into its memory for this light and extinction.`);
       }
     }
@@ -509,6 +521,7 @@ class Page {
   resetShadows() {
     this.toward = this.record.lights[this.light];
     this.extinction = 1;
+    this.notice = "";
     this.edited = false;
   }
 
@@ -554,6 +567,7 @@ class Page {
 
   choose(number) {
     this.number = number;
+    this.notice = "";
     if (this.edited && !this.method.follows_light) this.resetShadows();
     this.changed();
   }
@@ -598,7 +612,10 @@ class Page {
         if (!this.wanted && coarseness > 1) await this.drawAt(1, true);
       } catch (error) {
         if (!(error instanceof TooLarge)) throw error;
-        setStatus(`${error.message} R returns to the initial light.`);
+        if (this.reference < 0) return setStatus(`${error.message} R returns to the initial light.`);
+        this.notice = error.message;
+        this.number = this.reference;
+        this.wanted = true;
       }
     }
   }
@@ -636,7 +653,7 @@ class Page {
     document.body.classList.add("draws");
     this.rows.forEach((row, i) => row.toggleAttribute("aria-current", i === number));
     if (!isPreview) this.rows[number].querySelector(".ms").textContent = ms.toFixed(0);
-    const parts = [this.record.methods[number].label];
+    const parts = [this.notice, this.record.methods[number].label].filter((part) => part);
     if (error) {
       parts.push(`difference from ${this.record.methods[this.reference].label}: rms ${error.rms.toExponential(1)}, ` +
         `largest ${error.largest.toExponential(1)}; white is ${BRIGHTEST} or more`);

@@ -100,8 +100,8 @@ impl Renderer {
         self.build((loaded, transfer), method, light, None, (None, None))
     }
 
-    /// Builds the shadow map of one light like [`Self::shadow`], and records the passes of the build. The map has more
-    /// memory than it needs under this light.
+    /// Builds the shadow map of one light like [`Self::shadow`], and records the passes of the build. The map has all
+    /// tiles, and more memory than it needs under this light.
     ///
     /// # Errors
     /// The adapter cannot hold the shadow map.
@@ -113,7 +113,7 @@ impl Renderer {
         light: Light,
     ) -> Result<(ShadowMap, RecordedBuild)> {
         // The first build finds the sizes of memory pools, so that the second runs each pass once.
-        self.shadow(loaded, transfer, method, light)?;
+        self.build((loaded, transfer), method, light, None, (None, Some(&BuildRecorder::default())))?;
         let recorder = BuildRecorder::default();
         let map = self.build((loaded, transfer), method, light, None, (None, Some(&recorder)))?;
         Ok((map, recorder.into_build()))

@@ -339,6 +339,8 @@ impl Run {
         words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));
         words.extend(each_light.then(|| "--each-light".into()));
+        let page = ["--page", "--embed-volume"].map(String::from);
+        words.extend(self.pages.then_some(page).into_iter().flatten());
         words.extend(["-o".into(), "again".into()]);
         words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
     }

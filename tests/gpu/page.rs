@@ -11,7 +11,7 @@ use umbravox::shadow::METHODS;
 /// SwiftShader as a Vulkan driver, as Debian's chromium has it. The browser draws with it too.
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
-/// Script that draws the picture of every method, from the first view, then with a moved light and with twice the
+/// Script that draws the picture of every method, from the first view, then with a light that was moved twice, and with twice the
 /// extinction where the page can, again with the initial light, and from inside the volume. It posts the pixels.
 const SCRIPT: &str = r#"
 (async () => {
@@ -27,7 +27,12 @@ const SCRIPT: &str = r#"
         if (follows_light) await post(`/${name}-${i}`, await renderer.pixels(i));
       }
     };
-    if (page.light >= 0) await draw("light", [0.3, 0.8, 0.5], 1);
+    if (page.light >= 0) {
+      // Maps of another light leave nothing in those of the next.
+      renderer.setScene(page.light, [-0.7, 0.2, 0.4], 1);
+      for (let i = 0; i < record.methods.length; i++) await renderer.pixels(i, record.camera, [8, 8]);
+      await draw("light", [0.3, 0.8, 0.5], 1);
+    }
     await draw("denser", page.toward, 2);
     renderer.setScene(page.light, page.toward, 1);
     await post("/again", await renderer.pixels(1));

@@ -87,7 +87,7 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
         return segmentation::read(path, &set, frame).map_err(refuse);
     }
     let mut series = series::find(path, chosen, loading)?;
-    let most_damaged = series.images.len().div_ceil(DAMAGED_SHARE);
+    let most_damaged = (series.images.len() / DAMAGED_SHARE).max(1);
     let mut undecodable: Option<String> = None;
     let (stack, values, (voxels, padded)) = loop {
         // If the other slices form no grid, the damaged slice is the reason.

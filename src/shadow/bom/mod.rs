@@ -119,7 +119,7 @@ impl Method for BoundingOpacityMap {
     }
 
     fn builds_on_device(&self) -> bool {
-        self.layering().is_fixed() && self.shape().march != March::Lines
+        self.layering().is_fixed() && self.shape().march == March::Cells
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

@@ -149,7 +149,7 @@ impl Method for DeepOpacityMap {
     }
 
     fn builds_on_device(&self) -> bool {
-        self.layering().is_fixed() && self.shape().march != March::Lines
+        self.layering().is_fixed() && self.shape().march == March::Cells
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

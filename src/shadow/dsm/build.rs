@@ -86,8 +86,8 @@ impl RowOutputs {
 
     /// Returns the limit of a recorded build to a pool with `most` quads.
     pub(super) fn limit(&self, most: u32) -> BuildLimit {
-        let [missing, needed] =
-            [offset_of!(Counters, missing_rows), offset_of!(Counters, quads_needed)].map(|at| at / 4);
+        let missing = [offset_of!(Counters, missing_rows), offset_of!(Counters, texels_cut)].map(|at| at / 4);
+        let needed = offset_of!(Counters, quads_needed) / 4;
         BuildLimit { counters: self.counters.clone(), missing, needed, most }
     }
 

@@ -393,7 +393,7 @@ impl Method for DeepShadowMap {
     }
 
     fn builds_on_device(&self) -> bool {
-        self.enclose == Enclose::Off && self.from != DrawnFrom::Lines
+        self.enclose == Enclose::Off && self.march() == March::Cells && self.whole_curve()
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

@@ -170,7 +170,7 @@ impl Method for OpacityShadowMap {
     }
 
     fn builds_on_device(&self) -> bool {
-        self.plain_split().is_some() && self.shape().march != March::Lines
+        self.plain_split().is_some() && self.shape().march == March::Cells
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

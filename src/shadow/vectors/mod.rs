@@ -140,7 +140,7 @@ impl<M: VectorMap> Method for M {
     }
 
     fn builds_on_device(&self) -> bool {
-        self.descriptor().shape.march != March::Lines
+        self.descriptor().shape.march == March::Cells
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
