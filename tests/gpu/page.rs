@@ -93,10 +93,7 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
         run("render", scale, &[arguments, &["-o", "picture.npy"]].concat());
         let off = rms(&answers[answer], &folder.join("picture.npy"));
         println!("{scene:?} {answer} {arguments:?}: rms {off:.1e}");
-        // Tables of a page are scaled in float32: stored values of maps may move to the next step.
-        let is_scaled = answer.starts_with("denser") && answer != "denser-0";
-        let most = if is_scaled { 2e-4 } else { 1e-5 };
-        assert!(off < most, "{scene:?} {answer} {arguments:?}: rms {off:e}");
+        assert!(off < 1e-5, "{scene:?} {answer} {arguments:?}: rms {off:e}");
     };
     let mut moved = 0;
     for (i, method) in methods.split(';').enumerate() {

@@ -102,8 +102,11 @@ fn an_annotated_png_has_marks_and_the_scene() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    render(dir.path(), &["--size=200x160"], "plain.png");
-    render(dir.path(), &["--size=200x160", "--annotate"], "marked.png");
+    for (flags, name) in [(&[][..], "plain.png"), (&["--annotate"], "marked.png")] {
+        let scene = ["render", "phantom:sphere:24", "--tf=ct", "--size=200x160", "-o", name];
+        let run = umbravox(dir.path(), &[&scene, flags].concat());
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    }
     let [plain, marked] = ["plain.png", "marked.png"].map(|name| image::open(dir.path().join(name)).unwrap());
     let [plain, marked] = [plain, marked].map(|image| image.to_rgb8());
     let changed = plain.pixels().zip(marked.pixels()).filter(|(a, b)| a != b).count();

@@ -214,3 +214,28 @@ fn an_interrupt_reports_how_to_resume() {
     assert!(stderr.contains("hint: the same command line with --resume"), "{stderr}");
     assert!(!Run::read(&dir.path().join("out")).unwrap().unwrap().finished);
 }
+
+#[test]
+fn pages_stand_beside_the_table_and_belong_to_it() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    let args = [&["compare", "phantom:sphere:16", "-o", "out"], &EFFORT[..]].concat();
+    let of = |more: &[&'static str]| [&args[..], more].concat();
+    // There are no strands: the row of the second method fails, and the page has the others.
+    let page = ["--methods", "none;dsm:map=32,from=lines;dsm:map=32", "--page"];
+    let output = umbravox(folder, &of(&page));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && stderr.contains("page: out/page.html"), "{stderr}");
+    let text = std::fs::read_to_string(folder.join("out/page.html")).unwrap();
+    assert!(text.contains("dsm:epsilon=0.02,map=32,fit=volume") && !text.contains("from=lines"));
+    assert!(Run::read(&folder.join("out")).unwrap().unwrap().files.contains(&"page.html".into()));
+    done(folder, &of(&["--methods", "none", "--overwrite"]));
+    assert!(!folder.join("out/page.html").exists());
+    let scan = folder.join("scan.nii.gz");
+    done(folder, &["phantom", "sphere:16", "-o", scan.to_str().unwrap()]);
+    let error = refused(folder, &["compare", "scan.nii.gz", "-o", "other", "--page"]);
+    assert!(error.contains("data of this file") && !folder.join("other").exists(), "{error}");
+}
