@@ -659,7 +659,7 @@ class Page {
         `largest ${error.largest.toExponential(1)}; white is ${BRIGHTEST} or more`);
     }
     if (this.extinction !== 1) parts.push(`extinction x ${this.extinction.toPrecision(3)}`);
-    if (this.edited) parts.push("R returns to the light and the extinction of the maps and of the table");
+    if (this.edited) parts.push("R returns to the light and the extinction of the table");
     setStatus(parts.join(". "));
     document.documentElement.dataset.drawn = `${number} ${isPreview ? "preview" : "whole"}`;
   }
