@@ -3,13 +3,14 @@
 use crate::error::Result;
 use crate::files::picture::picture_png;
 use crate::measure::comparison::Compared;
-use crate::report::html::POLICY;
+use crate::report::html::document;
 use crate::report::number::significant;
 use base64::prelude::{BASE64_STANDARD, Engine as _};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+
 /// Texts of a page.
 #[derive(Debug, Clone, Default)]
 pub struct PageTexts {
@@ -25,37 +26,25 @@ pub struct PageTexts {
 /// # Errors
 /// A picture cannot be encoded.
 pub fn html(texts: &PageTexts, rows: &[Compared], data: &[u8]) -> Result<String> {
-    let document = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (texts.title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    h1 { (texts.title) }
-                    p id="status" role="status" { "Starting…" }
-                    div class="view" {
-                        canvas id="canvas" tabindex="0" aria-label="Picture of the scene" {}
-                        (controls())
-                    }
-                    (table(rows))
-                    (stills(rows)?)
-                    section {
-                        h2 { "Scene" }
-                        dl { @for (name, value) in &texts.facts { dt { (name) } dd { (value) } } }
-                    }
-                }
-                script id="data" type="application/gzip;base64" { (PreEscaped(BASE64_STANDARD.encode(data))) }
-                script { (PreEscaped(SCRIPT)) }
-            }
+    let main = html! {
+        h1 { (texts.title) }
+        p id="status" role="status" { "Starting…" }
+        div class="view" {
+            canvas id="canvas" tabindex="0" aria-label="Picture of the scene" {}
+            (controls())
+        }
+        (table(rows))
+        (stills(rows)?)
+        section {
+            h2 { "Scene" }
+            dl { @for (name, value) in &texts.facts { dt { (name) } dd { (value) } } }
         }
     };
-    Ok(document.into_string())
+    let scripts = html! {
+        script id="data" type="application/gzip;base64" { (PreEscaped(BASE64_STANDARD.encode(data))) }
+        script { (PreEscaped(SCRIPT)) }
+    };
+    Ok(document(&texts.title, STYLE, [main, scripts]))
 }
 
 fn controls() -> Markup {

@@ -21,6 +21,34 @@ pub fn signal(child: &std::process::Child, name: &str) {
     assert!(sent.unwrap().success());
 }
 
+/// Runs a command line in a folder, and interrupts it when its messages satisfy `is_ready`. Returns all messages.
+///
+/// # Panics
+/// The program ends before, or with another status than 1.
+#[cfg(unix)]
+#[allow(dead_code, reason = "not every test program interrupts one")]
+pub fn interrupted(folder: &Path, args: &[&str], is_ready: impl Fn(&str) -> bool) -> String {
+    use std::io::{BufRead, BufReader, Read};
+    use std::process::Stdio;
+    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
+        .args(args)
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut messages = String::new();
+    while !is_ready(&messages) {
+        let read = stderr.read_line(&mut messages).unwrap();
+        assert!(read > 0, "it ended before it could be interrupted: {messages}");
+    }
+    signal(&child, "TERM");
+    stderr.read_to_string(&mut messages).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{messages}");
+    messages
+}
+
 /// Runs a command line that must be refused and must not change its folder; returns the `error:` line.
 pub fn refused(folder: &Path, args: &[&str]) -> String {
     let before = names(folder);

@@ -22,7 +22,7 @@ use std::path::Path;
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 /// Content security policy of pages that need no network: inline scripts, styles and pictures only.
-pub const POLICY: &str =
+const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// Row of the comparison table with its picture and difference image as PNG files, for the HTML report.
@@ -59,6 +59,33 @@ pub struct Conditions {
 pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
     let Conditions { title, facts, error_caption, notes } = conditions;
     let rows: Vec<Row> = pictured.iter().map(|p| p.row.clone()).collect();
+    let main = html! {
+        h1 { (title) }
+        p class="hint" { (about(&rows)) }
+        (table(&rows))
+        (plots(&rows))
+        @if !facts.is_empty() {
+            section {
+                h2 { "Conditions" }
+                dl { @for (name, value) in facts { dt { (name) } dd { (value) } } }
+            }
+        }
+        section {
+            h2 { "Pictures" }
+            @for (i, pictured) in pictured.iter().enumerate() {
+                (pictures(i + 1, pictured, error_caption)?)
+            }
+        }
+        @if !notes.is_empty() {
+            section { h2 { "Notes" } ul { @for note in notes { li { (note) } } } }
+        }
+    };
+    let scripts = html! { script { (PreEscaped(SCRIPT)) } };
+    Ok(document(title, STYLE, [main, scripts]) + "\n")
+}
+
+/// Returns an HTML document that needs nothing from a network: its title, style sheet, main part, and scripts.
+pub fn document(title: &str, style: &str, [main, scripts]: [Markup; 2]) -> String {
     let document = html! {
         (DOCTYPE)
         html lang="en" {
@@ -67,35 +94,12 @@ pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(STYLE)) }
+                style { (PreEscaped(style)) }
             }
-            body {
-                main {
-                    h1 { (title) }
-                    p class="hint" { (about(&rows)) }
-                    (table(&rows))
-                    (plots(&rows))
-                    @if !facts.is_empty() {
-                        section {
-                            h2 { "Conditions" }
-                            dl { @for (name, value) in facts { dt { (name) } dd { (value) } } }
-                        }
-                    }
-                    section {
-                        h2 { "Pictures" }
-                        @for (i, pictured) in pictured.iter().enumerate() {
-                            (pictures(i + 1, pictured, error_caption)?)
-                        }
-                    }
-                    @if !notes.is_empty() {
-                        section { h2 { "Notes" } ul { @for note in notes { li { (note) } } } }
-                    }
-                }
-                script { (PreEscaped(SCRIPT)) }
-            }
+            body { main { (main) } (scripts) }
         }
     };
-    Ok(document.into_string() + "\n")
+    document.into_string()
 }
 
 /// Writes the HTML report of a comparison to a file; the file appears only when it is complete.

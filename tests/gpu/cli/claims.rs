@@ -1,6 +1,8 @@
 //! `umbravox claims`, run as a user runs it: one paper on a small scene.
 
 use crate::common;
+#[cfg(unix)]
+use crate::program::interrupted;
 use crate::program::{refused, umbravox};
 use std::collections::HashMap;
 use std::fs;
@@ -52,29 +54,13 @@ fn a_papers_claims_on_a_scene_of_ones_own() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_keeps_the_rows_of_finished_scenes() {
-    use std::io::{BufRead, BufReader, Read};
-    use std::process::{Command, Stdio};
     if !common::has_adapter() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
     let args = ["claims", "--paper", "neumann", "--scene", "ball.toml", "--repeats", "50", "-o", "out"];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
-        .args(args)
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("progress: ") {
-        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended before it could be interrupted: {said}");
-    }
-    crate::program::signal(&child, "TERM");
-    stderr.read_to_string(&mut said).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(1), "{said}");
+    let said = interrupted(dir.path(), &args, |said| said.contains("progress: "));
     assert!(said.contains("claims are tested on 0 of 1 scenes") && said.contains("not on ball"), "{said}");
     assert!(fs::read_to_string(dir.path().join("out/claims.csv")).unwrap().starts_with("paper,"));
 }

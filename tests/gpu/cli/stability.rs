@@ -1,6 +1,8 @@
 //! `umbravox stability`, run as a user runs it, on a few cases.
 
 use crate::common;
+#[cfg(unix)]
+use crate::program::interrupted;
 use crate::program::{refused, umbravox};
 use std::collections::HashMap;
 
@@ -59,28 +61,14 @@ fn picked_cases_give_a_row_a_method() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_keeps_the_rows_of_finished_cases() {
-    use std::io::{BufRead, BufReader, Read};
-    use std::process::{Command, Stdio};
     if !common::has_adapter() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
-        .args(["stability", "-o", "out", "--methods", "none;dsm:map=32"])
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    let mut said = String::new();
     // The third line announces the second case, so the first one is finished.
-    while said.lines().filter(|line| line.starts_with("progress: ")).count() < 3 {
-        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended before it could be interrupted: {said}");
-    }
-    crate::program::signal(&child, "TERM");
-    stderr.read_to_string(&mut said).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(1), "{said}");
+    let is_ready = |said: &str| said.lines().filter(|line| line.starts_with("progress: ")).count() >= 3;
+    let args = ["stability", "-o", "out", "--methods", "none;dsm:map=32"];
+    let said = interrupted(dir.path(), &args, is_ready);
     assert!(said.contains("progress: 0/") && said.contains("ordinary case"), "{said}");
     assert!(said.contains("about ") && said.contains(" left, "), "{said}");
     assert!(said.contains("error: interrupted (out): ") && said.contains("cases are tested"), "{said}");
