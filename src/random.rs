@@ -24,6 +24,17 @@ fn unit_of(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1u64 << 53) as f64
 }
 
+/// Returns point `index` of a three-dimensional low-discrepancy sequence: an additive recurrence whose steps are
+/// powers of the root of `x^4 = x + 1`.
+pub fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
+    const ROOT: f64 = 1.220_744_084_605_759_5;
+    let mut step = 1.0;
+    shift.map(|s| {
+        step /= ROOT;
+        (s + step * (index + 1) as f64).fract()
+    })
+}
+
 /// Random number generator.
 #[derive(Debug, Clone)]
 pub struct Chance(u64);

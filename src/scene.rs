@@ -1,10 +1,13 @@
 //! Camera, lights and picture settings of a scene.
 
-use crate::files::color;
+mod light;
+
+pub use self::light::{Extent, Light, LightSource};
+
 use crate::mesh::Mesh;
 use crate::volume::Volume;
 use glam::DVec3;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Pinhole camera with positions in world millimetres.
@@ -75,9 +78,8 @@ impl Camera {
     /// Returns a camera that fits the volume's bounding sphere, from the front and slightly from the side and above
     /// (RAS+: +y is anterior).
     pub fn framing(volume: &Volume, up: DVec3, fov_deg: f64) -> Self {
-        let corners = volume.corners_mm();
-        let center = corners.iter().sum::<DVec3>() / 8.0;
-        let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+        let center = volume.center_mm();
+        let radius = volume.corners_mm().iter().map(|c| c.distance(center)).fold(0.0, f64::max);
         let distance = radius / (0.5 * fov_deg.to_radians()).sin();
         let mut away = DVec3::new(0.5, 0.8, 0.35).normalize();
         if away.cross(up).length() < 1e-3 * up.length() {
@@ -105,120 +107,8 @@ impl Camera {
     }
 }
 
-/// Position of a point light or direction of a directional light, without colour. Lengths are world millimetres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Light {
-    /// Directional light, infinitely far away.
-    Directional {
-        /// Direction towards the directional light, of any length.
-        toward: DVec3,
-    },
-    /// Point light, which shines in all directions from one position.
-    Point {
-        /// Position of the point light, world mm.
-        position: DVec3,
-    },
-}
-
-impl Light {
-    /// Returns the unit direction from point `x` towards the light, and the distance in mm (infinite for a
-    /// directional light).
-    pub fn from_point(&self, x: DVec3) -> (DVec3, f64) {
-        match *self {
-            Self::Directional { toward } => (toward.normalize(), f64::INFINITY),
-            Self::Point { position } => {
-                let d = position - x;
-                let length = d.length();
-                (if length > 0.0 { d / length } else { DVec3::Z }, length)
-            }
-        }
-    }
-
-    fn kind(&self) -> (&'static str, DVec3) {
-        match *self {
-            Self::Directional { toward } => ("dir", toward),
-            Self::Point { position } => ("point", position),
-        }
-    }
-
-    /// Formats the position or direction of a light source in the syntax of `--light`, with four decimals.
-    pub fn text(&self) -> String {
-        let (kind, v) = self.kind();
-        // Further digits of a normalised direction carry no information.
-        let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
-        format!("{kind}:{x},{y},{z}")
-    }
-}
-
-impl Default for Light {
-    fn default() -> Self {
-        Self::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) }
-    }
-}
-
-/// Light source: position or direction, colour and intensity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LightSource {
-    /// Position (point light) or direction (directional light) of the light source, without colour.
-    pub light: Light,
-    /// Colour of the light source, linear RGB in `[0, 1]`.
-    pub color: [f64; 3],
-    /// Intensity of the light source: a factor on its colour, 0 or more.
-    pub intensity: f64,
-}
-
-impl LightSource {
-    /// Default colour of a light source: white, linear RGB.
-    pub const WHITE: [f64; 3] = [1.0; 3];
-
-    /// Returns the linear RGB of the light that reaches an unshadowed point: colour times intensity.
-    pub fn radiance(&self) -> [f64; 3] {
-        self.color.map(|c| c * self.intensity)
-    }
-
-    /// Returns whether the light source emits light: colour and intensity are not 0.
-    pub fn shines(&self) -> bool {
-        self.radiance().iter().any(|c| *c > 0.0)
-    }
-
-    /// Formats a light source in the syntax of `--light`; its position has four decimals.
-    pub fn text(&self) -> String {
-        self.light.text() + &self.factors()
-    }
-
-    /// Formats colour and intensity of a light source in the syntax of `--light`: each after a comma, and only if it
-    /// differs from the default.
-    fn factors(&self) -> String {
-        let color = (self.color != Self::WHITE).then(|| format!(",color={}", color::to_hex(self.color)));
-        let intensity = (self.intensity != 1.0).then(|| format!(",intensity={}", self.intensity));
-        color.unwrap_or_default() + &intensity.unwrap_or_default()
-    }
-}
-
-/// Creates a white light source of intensity 1.
-impl From<Light> for LightSource {
-    fn from(light: Light) -> Self {
-        Self { light, color: Self::WHITE, intensity: 1.0 }
-    }
-}
-
-impl Default for LightSource {
-    fn default() -> Self {
-        Light::default().into()
-    }
-}
-
-/// Serializes the light source in the syntax of `--light`: exact to the last bit, except colours, which have 8 bits
-/// per channel.
-impl Serialize for LightSource {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let (kind, DVec3 { x, y, z }) = self.light.kind();
-        serializer.collect_str(&format_args!("{kind}:{x:?},{y:?},{z:?}{}", self.factors()))
-    }
-}
-
-/// Shading model for the light that reaches a point: none, from the gradient of the voxel values, or from the
-/// direction of strands (curves such as hair).
+/// Shading model for the light that reaches a point: none, from the gradient of the voxel values, from the direction of
+/// strands (curves such as hair), or by a phase function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -228,11 +118,12 @@ pub enum Shading {
     Lambert,
     BlinnPhong,
     KajiyaKay,
+    Phase,
 }
 
 impl Shading {
     /// All shading models that a scene can select.
-    pub const ALL: [Self; 4] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay];
+    pub const ALL: [Self; 5] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay, Self::Phase];
 
     /// Returns whether the shading model needs a volume made from strands (curves such as hair or fibres).
     pub fn is_of_strands(self) -> bool {
@@ -262,6 +153,9 @@ pub struct Scene {
     pub ambient: f64,
     /// Shading model for the light that reaches each sample of the volume.
     pub shading: Shading,
+    /// Mean cosine `g` of the phase function of Henyey and Greenstein, in `(-1, 1)`, for [`Shading::Phase`]: positive for
+    /// forward scattering, 0 for light that is scattered equally in all directions.
+    pub mean_cosine: f64,
     /// Opaque triangle mesh drawn inside the volume, if any.
     pub mesh: Option<Arc<Mesh>>,
     /// Background colour of the picture, linear RGB.
@@ -280,11 +174,25 @@ impl Scene {
     /// Largest number of lights in a scene. It is limited because each light needs a shadow map and a render pass.
     pub const MOST_LIGHTS: usize = 16;
 
-    /// Returns the scene's lights that are not black, in order. If all are black, it returns only the first one,
+    /// Largest number of shadow maps of a scene: lights without a size, and samples of lights with one.
+    pub const MOST_SHADOW_MAPS: usize = 256;
+
+    /// Returns the scene's light sources that are not black, in order. If all are black, it returns only the first one,
     /// since a picture needs one render pass.
-    pub fn shining(&self) -> Vec<LightSource> {
+    pub fn sources_shining(&self) -> Vec<LightSource> {
         let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
         if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
+    }
+
+    /// Returns the lights without size that shadow methods render, one for each shadow map: [`Self::sources_shining`],
+    /// with a light that has a size replaced by its samples.
+    pub fn shining(&self) -> Vec<LightSource> {
+        self.sources_shining().iter().flat_map(LightSource::samples).collect()
+    }
+
+    /// Whether a light of the scene that is not black has a size.
+    pub fn has_soft_light(&self) -> bool {
+        self.sources_shining().iter().any(LightSource::is_soft)
     }
 
     /// Number of lights of the scene that are not black.
@@ -300,7 +208,7 @@ impl Scene {
         if lights.len() > 1 { lights } else { Vec::new() }
     }
 
-    /// Position or direction of the scene's first light.
+    /// Position or direction of the centre of the scene's first light.
     pub fn light(&self) -> Light {
         self.lights.first().map_or_else(Light::default, |source| source.light)
     }
@@ -318,6 +226,7 @@ impl Scene {
             lights: vec![LightSource::default()],
             ambient: 0.1,
             shading: Shading::None,
+            mean_cosine: 0.0,
             mesh: None,
             background: [0.0; 3],
             step: 0.5,
@@ -331,18 +240,6 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lights_have_the_text_of_their_flag() {
-        let light = Light::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) };
-        assert_eq!(light.text(), "dir:0.5,0.5,0.7071");
-        let light = Light::Point { position: DVec3::new(-0.0, 2.0, -300.25) };
-        assert_eq!(light.text(), "point:0,2,-300.25");
-        let source = LightSource::from(light);
-        assert_eq!(source.text(), light.text());
-        let source = LightSource { color: [1.0, 0.0, 0.0], intensity: 2.5, ..source };
-        assert_eq!(source.text(), "point:0,2,-300.25,color=#ff0000,intensity=2.5");
-    }
 
     #[test]
     fn dark_lights_are_left_out_and_one_is_always_left() {

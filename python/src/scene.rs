@@ -20,7 +20,9 @@ use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, picture_png, with_texts, write_picture_with};
+use umbravox::measure::errors::mean_of_maps;
 use umbravox::open::{SceneRequest, SceneSettings};
+use umbravox::shadow::ShadowMap;
 
 /// Number of rows of an exact picture that are computed between two checks for Ctrl-C.
 const EXACT_ROWS: u32 = 4;
@@ -188,8 +190,8 @@ impl PyScene {
         if method == Some("exact") {
             let found = self.done(py, |cancellation| {
                 let (inputs, scene) = self.state.exact(&request, cancellation)?;
-                let (field, light) = (inputs.field(), scene.light());
-                in_pieces(&points, cancellation, |p| field.transmittance_to_light(*p, &light))
+                let (field, source) = (inputs.field(), scene.lights.first().copied().unwrap_or_default());
+                in_pieces(&points, cancellation, |p| field.transmittance_from(*p, &source).value)
             })?;
             return Ok(shaped(py, found, shape)?);
         }
@@ -198,8 +200,14 @@ impl PyScene {
         }
         let found = self.done(py, |cancellation| {
             self.state.prepared(&request, cancellation, MapCoverage::AnyPoint, |prepared, _, _| {
-                let [map] = prepared.shadows[..] else { return Ok(vec![1.0; points.len()]) };
-                prepared.renderer.query(prepared.loaded, prepared.transfer, map, &points)
+                if prepared.shadows.is_empty() {
+                    return Ok(vec![1.0; points.len()]);
+                }
+                let query = |map: &ShadowMap, points: &[DVec3]| {
+                    prepared.renderer.query(prepared.loaded, prepared.transfer, map, points)
+                };
+                let found = mean_of_maps(&prepared.shadows, &points, query)?;
+                Ok(found.into_iter().map(|t| t as f32).collect())
             })
         })?;
         Ok(shaped(py, found, shape)?)

@@ -86,6 +86,7 @@ class SceneArguments(TypedDict, total=False):
     strands: _Path | Sequence[_Path] | None
     ambient: float | None
     shading: str | None
+    phase: float | None
     background: str | None
     step: float | None
     skip: str | None

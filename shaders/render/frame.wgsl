@@ -31,7 +31,8 @@ struct Frame {
     // Number of tiles at the start of the list for which rays are cast; the other tiles show only the background.
     tiles_cast: u32,
     world_z: vec3<f32>,
-    padding_c: f32,
+    // Mean cosine of the phase function (PHASE_FUNCTION).
+    mean_cosine: f32,
     // Light of this pass on a fully lit point, linear RGB, without the ambient part (LIGHT_FACTOR).
     light: vec3<f32>,
     // 1 if this pass adds its light to the picture of earlier passes, else 0.

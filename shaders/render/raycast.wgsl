@@ -14,7 +14,7 @@
 // `umbravox::shadow`, with a function of the same form, marches the last voxels towards the light before (`near`).
 
 #import umbravox::frame::{frame, picture, ray_pixel}
-#import umbravox::field::{field, value_at, FAR}
+#import umbravox::field::FAR
 #import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, is_searching, SURFACE_SEARCH, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #ifdef RESUMABLE
 #import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
@@ -35,10 +35,9 @@
 #endif
 #ifdef SHADING
 #import umbravox::labels::labeled_value_at
-#import umbravox::light::{light_point, light_ray}
 #endif
-#ifdef KAJIYA_KAY
-#import umbravox::strand::strand_factor
+#ifdef SHADING_FACTOR
+#import umbravox::shading::shading_factor
 #endif
 #ifdef MESH
 #import umbravox::surface::{Surface, surface_along}
@@ -111,45 +110,6 @@ fn eye_depth(pixel: vec2<u32>) -> f32 {
     let ndc = pixel_ndc(pixel);
     return -frame.plane_distance_mm * sqrt(1.0 + dot(ndc, ndc));
 }
-#endif
-
-// ---- Shading ----
-
-#ifdef SHADING
-#ifdef KAJIYA_KAY
-// Returns the shading factor of strands at a grid-space point (Kajiya-Kay).
-fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
-    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
-    let l = -normalize(to_world * light_ray(light_point(g).texel).d);
-    return strand_factor(g, l, -normalize(to_world * eye_direction));
-}
-#else
-// Returns the shading factor of the volume at a grid-space point, from its gradient. Surfaces are lit from both
-// sides; shadows decide which side the light reaches.
-fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
-    let gradient_grid = vec3<f32>(
-        value_at(g + vec3<f32>(0.5, 0.0, 0.0)) - value_at(g - vec3<f32>(0.5, 0.0, 0.0)),
-        value_at(g + vec3<f32>(0.0, 0.5, 0.0)) - value_at(g - vec3<f32>(0.0, 0.5, 0.0)),
-        value_at(g + vec3<f32>(0.0, 0.0, 0.5)) - value_at(g - vec3<f32>(0.0, 0.0, 0.5)),
-    );
-    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
-    // Gradients transform with the inverse transpose; its scale does not matter to a direction.
-    let gradient = cross(to_world[1], to_world[2]) * gradient_grid.x
-        + cross(to_world[2], to_world[0]) * gradient_grid.y
-        + cross(to_world[0], to_world[1]) * gradient_grid.z;
-    let size = length(gradient);
-    let n = gradient / max(size, 1e-30);
-    let l = -normalize(to_world * light_ray(light_point(g).texel).d);
-    let diffuse = abs(dot(n, l));
-#ifdef BLINN_PHONG
-    let h = normalize(l - normalize(to_world * eye_direction));
-    let factor = diffuse + #{HIGHLIGHT} * pow(abs(dot(n, h)), #{GLOSS});
-#else
-    let factor = diffuse;
-#endif
-    return select(1.0, mix(1.0, factor, frame.shading_weight), size > 0.0);
-}
-#endif
 #endif
 
 // ---- Segments and intervals ----
@@ -278,7 +238,7 @@ fn accumulate_segment(
         let emitted = *left * alpha * part.mean.rgb / max(part.mean.w, 1e-30);
         (*interval).visible += *left * alpha;
         *left *= 1.0 - alpha;
-#ifdef SHADING
+#ifdef SHADING_FACTOR
         add_emission(interval, color, emitted, shading_factor(ray.o + 0.5 * (begin + part.end) * ray.d, ray.d));
 #else
         add_emission(interval, color, emitted, 1.0);

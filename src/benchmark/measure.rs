@@ -17,6 +17,7 @@ use crate::shadow::{BuildReport, Entry, Method, MethodSpec, SearchSpace, ShadowM
 use itertools::Itertools as _;
 use ndarray::{Array3, ArrayView3};
 use std::cell::OnceCell;
+use std::slice;
 
 /// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
 /// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
@@ -188,7 +189,8 @@ impl<'a> CellJob<'a> {
             [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
         }
         if budgets.iter().any(|budget| budget.holds(&trial)) {
-            trial.point_err_rms = self.visible.errors(self.job.session, &shadow)?.map(|stats| stats.rms);
+            trial.point_err_rms =
+                self.visible.errors(self.job.session, slice::from_ref(&shadow))?.map(|stats| stats.rms);
         }
         Ok(trial)
     }
@@ -218,7 +220,7 @@ impl<'a> CellJob<'a> {
                 answer.note = format!("takes {needed_ms:.1} ms when measured again, more than {budget}");
             }
         }
-        let errors = self.visible.weighted(self.job.session, &shadow)?;
+        let errors = self.visible.weighted(self.job.session, slice::from_ref(&shadow))?;
         answer.set_errors(&errors)?;
         if with_picture {
             let (session, scene) = (self.job.session, small_scene(self.job.scene));

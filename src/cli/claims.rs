@@ -58,7 +58,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let given = given_scenes(&args.scene)?;
     // Reads all scenes first, so that an error in the last file is found at once.
     for (name, settings) in &given {
-        settings.one_light("claims").map_err(|e| e.at(name))?;
+        settings.one_light("claims").and_then(|()| settings.hard_lights("claims")).map_err(|e| e.at(name))?;
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
     let renderer = args.table.open()?;

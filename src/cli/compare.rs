@@ -1,7 +1,7 @@
 //! `umbravox compare`: measures error, time and memory of several shadow methods on one or more scenes.
 
 use super::console::{StepDisplay, load_scene, print_message, print_result};
-use super::export::{check_embedded, page_methods, scene_page};
+use super::export::{check_page, page_methods, scene_page};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
@@ -167,7 +167,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         print_message("note", &"compare ignores --shadow; --methods lists its methods");
     }
     if args.page {
-        scenes.iter().try_for_each(|scene| check_embedded(scene, args.embed_volume))?;
+        scenes.iter().try_for_each(|scene| check_page(scene, args.embed_volume))?;
     }
     let (scenes, first) = read_all(scenes, &paths, args.each_light)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));

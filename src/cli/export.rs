@@ -1,11 +1,11 @@
-//! `umbravox export`: writes one HTML file that draws a scene in a browser.
+//! `umbravox export`: writes one HTML file that draws a scene in a browser, or a scene for Mitsuba 3.
 
 use super::console::{StepDisplay, load_scene, print_json, print_message};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::input::source_name;
-use crate::files::output::{check_output_or_stdout, write_whole};
+use crate::files::output::{check_output_or_stdout, prepare_output_dir, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::comparison::Compared;
 use crate::measure::facts::REVISION;
@@ -16,21 +16,28 @@ use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
 use crate::page::{PageTexts, html, page_data};
 use crate::render::{Renderer, Session};
 use crate::report::make::scene_name;
+use crate::report::mitsuba::{GridError, SCENE_FILE, write_mitsuba};
 use crate::scene::LightSource;
 use crate::shadow::{Method, parse_distinct};
 use clap::Args;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Write one HTML file that draws the scene in a browser, offline, with the shaders of this program
+/// Write one HTML file that draws the scene in a browser, offline, with the shaders of this program; or the scene for Mitsuba
 #[derive(Debug, Args)]
 pub struct ExportArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Output page: .html, or `-` for standard output
     #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
+    /// Instead of a page, write scene.xml, extinction.vol and albedo.vol for the renderer Mitsuba 3 into a new folder
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "methods", "embed_volume"])]
+    pub mitsuba: Option<PathBuf>,
+    /// Grid points of --mitsuba for each voxel along each axis, for functions that are not linear in the value
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "mitsuba", value_parser = clap::value_parser!(u8).range(1..=8))]
+    pub supersample: u8,
     /// Shadow methods of the page separated by `;`, each with settings such as dsm:map=256
     #[arg(long, value_name = "METHODS", default_value = "dsm;rays;avsm;osm;fourier;none")]
     pub methods: String,
@@ -48,17 +55,23 @@ const POINTS: usize = 2000;
 /// # Errors
 /// Bad input, a scan without `--embed-volume`, a failure of the device or disk, or an interruption.
 pub fn run(args: ExportArgs) -> Result<()> {
+    if let Some(folder) = &args.mitsuba {
+        return mitsuba(args.scene, folder, args.supersample);
+    }
+    let Some(output) = args.output else {
+        return Err(Error::input("bad command line", "export", "expected -o page.html or --mitsuba FOLDER"));
+    };
     let methods = page_methods(parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?)?;
     let SceneRequest { settings, run } = args.scene.into_request()?;
-    check_output_or_stdout(&args.output, &["html"], run.json)?;
-    check_embedded(&settings, args.embed_volume)?;
+    check_output_or_stdout(&output, &["html"], run.json)?;
+    check_page(&settings, args.embed_volume)?;
     let loaded = load_scene(&settings)?;
     let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, run.adapter.as_deref())?;
-    write_whole(&args.output, |file| file.write_all(page.as_bytes()))?;
+    write_whole(&output, |file| file.write_all(page.as_bytes()))?;
     if run.explain {
         rows.iter().flat_map(|row| &row.left_out).for_each(|omission| print_message("plan", omission));
     }
-    let summary = Summary { page: args.output.display().to_string(), bytes: page.len() };
+    let summary = Summary { page: output.display().to_string(), bytes: page.len() };
     if run.json {
         return print_json(&summary);
     }
@@ -71,6 +84,32 @@ pub fn run(args: ExportArgs) -> Result<()> {
 struct Summary {
     page: String,
     bytes: usize,
+}
+
+/// Writes a scene for Mitsuba into a folder.
+fn mitsuba(scene: SceneArgs, folder: &Path, supersample: u8) -> Result<()> {
+    let SceneRequest { settings, run } = scene.into_request()?;
+    let loaded = load_scene(&settings)?;
+    if folder.join(SCENE_FILE).exists() {
+        let why = format!("it holds {SCENE_FILE} already");
+        return Err(Error::input("cannot write scene", folder.display(), why).hint("give another folder"));
+    }
+    prepare_output_dir(folder)?;
+    let Loaded { volume, tf, scene, .. } = &loaded;
+    let error = write_mitsuba(folder, volume, tf, scene, supersample.into())?;
+    if run.json {
+        return print_json(&error);
+    }
+    let GridError { max_per_mm, largest_extinction_per_mm } = error;
+    print_message(
+        "scene",
+        &format_args!(
+            "{}; the extinction of its grid is off by at most {max_per_mm:.1e}/mm at random points, where the largest is \
+            {largest_extinction_per_mm:.3}/mm",
+            folder.join(SCENE_FILE).display()
+        ),
+    );
+    Ok(())
 }
 
 /// Page of a scene.
@@ -110,11 +149,12 @@ pub fn scene_page(
 }
 
 /// Fails if a page of the scene would hold the data of a file (volume, segmentation, mesh or strands), unless that is
-/// allowed.
+/// allowed, or if it cannot show the scene's lights.
 ///
 /// # Errors
-/// The scene reads a file, and `is_allowed` is false.
-pub fn check_embedded(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
+/// The scene reads a file, and `is_allowed` is false; or a light has a size.
+pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
+    settings.hard_lights("export")?;
     let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
     let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
     match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {

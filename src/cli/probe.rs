@@ -7,11 +7,12 @@ use super::probe_rays::{parse_points, probe_rays};
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::files::input::read_text;
+use crate::measure::errors::mean_of_maps;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::Session;
+use crate::scene::LightSource;
 use clap::Args;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
@@ -62,6 +63,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     let SceneRequest { settings, run } = args.scene.into_request()?;
     settings.one_light("probe")?;
     if let Some(point_mm) = args.what.curve {
+        settings.hard_lights("probe --curve")?;
         return probe_curve::run(&settings, &run, point_mm, &args.curve_flags);
     }
     // Small files are checked before the volume is read.
@@ -76,17 +78,19 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let method = settings.method()?;
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings)?;
+        let source = scene.lights.first().copied().unwrap_or_default();
         let exact = {
             let field = ExactField::new(&volume, &tf);
-            let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light());
-            points.par_iter().map(to_light).collect::<Vec<_>>()
+            field.transmittances_from(&points, &source).0
         };
         let session = Session::open(run.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
             .with_strands(strands);
-        let shadow = session.shadow(method.as_ref(), scene.light())?;
-        let found = session.query(&shadow, &points)?;
-        let enclosed = shadow.enclosure.as_ref().map(|e| e.query(&session, &points)).transpose()?;
-        let line = |(i, (m, e)): (usize, (&f32, &f64))| match &enclosed {
+        let build = |light: LightSource| session.shadow(method.as_ref(), light.light);
+        let shadows = source.samples().map(build).collect::<Result<Vec<_>>>()?;
+        let found = mean_of_maps(&shadows, &points, |map, points| session.query(map, points))?;
+        let enclosure = shadows.first().filter(|_| !source.is_soft()).and_then(|map| map.enclosure.as_ref());
+        let enclosed = enclosure.map(|e| e.query(&session, &points)).transpose()?;
+        let line = |(i, (m, e)): (usize, (&f64, &f64))| match &enclosed {
             Some(all) => format!("{m:.9} {e:.17} {:.9} {:.9}\n", all[i][0], all[i][1]),
             None => format!("{m:.9} {e:.17}\n"),
         };

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
 use crate::open::{Diagnostic, Loaded, MaskFlags, Read, SceneSettings, VolumeSpec, lacks_thickness};
-use crate::scene::{Light, LightSource, Scene, Shading};
+use crate::scene::{Extent, Light, LightSource, Scene, Shading};
 use crate::shadow::MethodSpec;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -171,7 +171,7 @@ fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
 fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
     let suitable = |source: &LightSource| match source.light {
         Light::Directional { .. } => *source,
-        Light::Point { .. } => LightSource { light: framed.light(), ..*source },
+        Light::Point { .. } => LightSource { light: framed.light(), extent: Extent::None, ..*source },
     };
     scene.lights.iter().map(suitable).collect()
 }

@@ -59,13 +59,10 @@ impl Rotation {
         match self {
             Self::Camera => Scene { camera: Camera { eye: around(eye), ..scene.camera }, ..scene.clone() },
             Self::Lights => {
-                let light = |light: Light| match light {
-                    Light::Directional { toward } => {
-                        Light::Directional { toward: (turn * toward).normalize() }
-                    }
-                    Light::Point { position } => Light::Point { position: around(position) },
+                let turned = |source: &LightSource| LightSource {
+                    light: source.light.turned(turn, target),
+                    ..*source
                 };
-                let turned = |source: &LightSource| LightSource { light: light(source.light), ..*source };
                 Scene { lights: scene.lights.iter().map(turned).collect(), ..scene.clone() }
             }
         }

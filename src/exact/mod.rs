@@ -12,6 +12,7 @@ mod cubic;
 mod curve;
 mod eye_samples;
 mod law;
+mod light_mean;
 mod picture;
 mod shading;
 mod traversal;
@@ -19,6 +20,7 @@ mod visible_points;
 
 pub use curve::OpticalDepthCurve;
 pub use eye_samples::{EyeRay, EyeSample};
+pub use light_mean::MeanTransmittance;
 pub use visible_points::VisiblePoint;
 
 use crate::scene::Light;

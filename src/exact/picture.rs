@@ -2,9 +2,14 @@
 //! ambient) sum_i L_i T_i f_i) dt + T_eye background` along its ray. Here `sigma` is extinction, `c` colour, `L_i`
 //! the radiance of light `i`, `T_i` its exact transmittance and `f_i` its shading factor. The integral is computed by
 //! adaptive quadrature, with exact shadow rays at each node.
+//!
+//! For a light with a size, `T_i f_i` is the mean over its points or directions. Then depths along the ray and positions on
+//! the light are sampled together, by a low-discrepancy sequence: a nested quadrature would meet the edges of shadows of
+//! every sample.
 
 use super::ExactField;
 use crate::mesh::{Hit, SURFACE_GAP};
+use crate::random::low_discrepancy;
 use crate::scene::{Light, Scene};
 use glam::DVec3;
 use ndarray::Array3;
@@ -21,11 +26,18 @@ struct Rule {
     first_panels: usize,
     /// Largest number of intervals into which the adaptive quadrature divides a camera ray.
     most_panels: usize,
+    /// Number of samples of a pixel under lights with a size.
+    soft_samples: usize,
 }
 
-const RULE: Rule = Rule { tolerance: 5e-5, first_panels: 6, most_panels: 200 };
+const RULE: Rule = Rule { tolerance: 5e-5, first_panels: 6, most_panels: 200, soft_samples: 4096 };
 /// Finer settings of the quadrature of a pixel's colour, by which the error of the normal settings is estimated.
-const FINER: Rule = Rule { tolerance: RULE.tolerance / 16.0, first_panels: 24, most_panels: 800 };
+const FINER: Rule = Rule {
+    tolerance: RULE.tolerance / 16.0,
+    first_panels: 24,
+    most_panels: 800,
+    soft_samples: 8 * RULE.soft_samples,
+};
 
 /// Gauss-Kronrod rule with 15 nodes on `[-1, 1]`: node, its Kronrod weight, and its weight in the 7-point Gauss rule.
 const KRONROD: [(f64, f64, f64); 8] = [
@@ -80,13 +92,16 @@ impl ExactField<'_> {
     }
 
     /// Returns the light that reaches a point (world mm) in each colour channel: ambient light, and the attenuated
-    /// light of each light source times its shading `factor`.
-    fn lit(&self, scene: &Scene, x: DVec3, factor: impl Fn(&Light) -> f64) -> [f64; 3] {
+    /// light of each light source times its shading `factor`. A light source with a size lights from one `position` within
+    /// it ([`LightSource::sample`]).
+    ///
+    /// [`LightSource::sample`]: crate::scene::LightSource::sample
+    fn lit(&self, scene: &Scene, x: DVec3, position: [f64; 2], factor: impl Fn(&Light) -> f64) -> [f64; 3] {
         let mut lit = [scene.ambient; 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
-            let factor = factor(&source.light);
+            let light = source.sample(position);
             let share =
-                (1.0 - scene.ambient) * factor * self.transmittance_past_mesh(scene, x, &source.light);
+                (1.0 - scene.ambient) * factor(&light) * self.transmittance_past_mesh(scene, x, &light);
             let radiance = source.radiance();
             (0..3).for_each(|c| lit[c] += share * radiance[c]);
         }
@@ -101,31 +116,53 @@ impl ExactField<'_> {
         let curve = self.curve_along(eye, direction, surface.map_or(f64::INFINITY, |hit| hit.depth_mm));
         let opacity = -(-curve.total()).exp_m1();
         // With w = 1 - T_eye as the variable, T_eye sigma dt = dw: the weight is 1 and empty space has no share.
-        let light_at = |w: f64| {
+        let light_at = |w: f64, position: [f64; 2]| {
             let tau = (-(-w).ln_1p()).min(curve.total());
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
             let lit = match scene.ambient >= 1.0 {
                 true => [1.0; 3],
-                false => self.lit(scene, x, |light| self.shading_factor(x, direction, light, scene.shading)),
+                false => {
+                    self.lit(scene, x, position, |light| self.shading_factor(x, direction, light, scene))
+                }
             };
             let color = self.transfer_function.function(found.function).color(found.value);
             std::array::from_fn(|c| color[c] * lit[c])
         };
-        let color = if opacity > 0.0 { integrate(light_at, opacity, rule) } else { [0.0; 3] };
-        let behind = surface.map_or(scene.background, |hit| self.surface_color(scene, eye, direction, hit));
+        let is_soft = scene.has_soft_light() && scene.ambient < 1.0;
+        let color = match opacity > 0.0 {
+            true if is_soft => {
+                let mean = mean_of_samples(rule, |[share, u, v]| light_at(share * opacity, [u, v]));
+                mean.map(|c| c * opacity)
+            }
+            true => integrate(|w| light_at(w, [0.0; 2]), opacity, rule),
+            false => [0.0; 3],
+        };
+        let behind =
+            surface.map_or(scene.background, |hit| self.surface_color(scene, (eye, direction), hit, rule));
         let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * behind[c]);
         [r, g, b, if surface.is_some() { 1.0 } else { opacity }]
     }
 
     /// Returns the linear RGB of the mesh at the point where a camera ray hits it. The mesh shows its colour in
     /// ambient light, and in the light of each source by Lambert's law on the visible side.
-    fn surface_color(&self, scene: &Scene, eye: DVec3, direction: DVec3, hit: Hit) -> [f64; 3] {
+    fn surface_color(
+        &self,
+        scene: &Scene,
+        (eye, direction): (DVec3, DVec3),
+        hit: Hit,
+        rule: Rule,
+    ) -> [f64; 3] {
         let Some(mesh) = &scene.mesh else { return scene.background };
         let x = eye + direction * hit.depth_mm;
         let normal = mesh.normal(hit.triangle);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        let lit = self.lit(scene, x, |light| normal.dot(light.from_point(x).0).max(0.0));
+        let lit_from =
+            |position| self.lit(scene, x, position, |light| normal.dot(light.from_point(x).0).max(0.0));
+        let lit = match scene.has_soft_light() {
+            true => mean_of_samples(rule, |[_, u, v]| lit_from([u, v])),
+            false => lit_from([0.0; 2]),
+        };
         let color = mesh.color(hit.triangle);
         std::array::from_fn(|c| color[c] * lit[c])
     }
@@ -139,6 +176,16 @@ impl ExactField<'_> {
         let hidden = scene.mesh.as_ref().is_some_and(|mesh| mesh.is_hit(x, toward, [from_mm, distance_mm]));
         if hidden { 0.0 } else { self.transmittance_to_light(x, light) }
     }
+}
+
+/// Returns the mean of a function over the unit cube, at the points of a low-discrepancy sequence.
+fn mean_of_samples(rule: Rule, f: impl Fn([f64; 3]) -> [f64; 3]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for i in 0..rule.soft_samples {
+        let value = f(low_discrepancy(i as u64, [0.0; 3]));
+        (0..3).for_each(|c| sum[c] += value[c]);
+    }
+    sum.map(|c| c / rule.soft_samples as f64)
 }
 
 /// Returns the first hit of a ray from the eye (world mm) with the scene's mesh.

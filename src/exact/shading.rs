@@ -8,7 +8,7 @@
 //! diffuse and the specular component of a thin cylinder).
 
 use super::{ExactField, contiguous};
-use crate::scene::{Light, Shading};
+use crate::scene::{Light, Scene, Shading};
 use crate::volume::Voxel;
 use crate::with_voxels;
 use glam::{DMat3, DVec3};
@@ -33,12 +33,16 @@ impl ExactField<'_> {
         to_index.matrix3.transpose() * (DVec3::from_array(along) * scaling.slope)
     }
 
-    /// Returns the shading factor on the light that reaches the point `x` (world mm), for the unit view direction
+    /// Returns the shading factor of a scene on the light that reaches the point `x` (world mm), for the unit view direction
     /// `sight` from the eye. It is 1 without shading, where the value is flat, and where no direction of strands is
     /// known. Both sides are lit; shadows decide which one light reaches.
-    pub fn shading_factor(&self, x: DVec3, sight: DVec3, light: &Light, shading: Shading) -> f64 {
+    pub fn shading_factor(&self, x: DVec3, sight: DVec3, light: &Light, scene: &Scene) -> f64 {
+        let shading = scene.shading;
         if shading == Shading::None {
             return 1.0;
+        }
+        if shading == Shading::Phase {
+            return henyey_greenstein(light.from_point(x).0.dot(sight), scene.mean_cosine);
         }
         if shading == Shading::KajiyaKay {
             let mean = self.directions.as_ref().and_then(|directions| directions.mean_at(x));
@@ -61,6 +65,12 @@ impl ExactField<'_> {
             _ => diffuse,
         }
     }
+}
+
+/// Returns the phase function of Henyey and Greenstein (1941, *Diffuse radiation in the galaxy*), times `4 pi`, so that its
+/// mean over all directions is 1. `cosine` is that of the angle by which light is deflected, `mean` its mean.
+fn henyey_greenstein(cosine: f64, mean: f64) -> f64 {
+    (1.0 - mean * mean) / (1.0 + mean * mean - 2.0 * mean * cosine).powf(1.5)
 }
 
 /// Returns Kajiya and Kay's shading factor of strands with the mean `mean` of `u u^T` over their directions `u`. The
@@ -92,4 +102,25 @@ fn stored_at<V: Voxel>(voxels: &[V], dims: [usize; 3], at: DVec3) -> f64 {
     let row = |j, k| mix(value(i0, j, k), value(i1, j, k), x);
     let slice = |k| mix(row(j0, k), row(j1, k), y);
     mix(slice(k0), slice(k1), z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phase_functions_scatter_all_light() {
+        for mean in [-0.9, -0.3, 0.0, 0.5, 0.95] {
+            let n = 400_000;
+            let cosines = (0..n).map(|i| (2.0 * f64::from(i) + 1.0) / f64::from(n) - 1.0);
+            let (all, deflected) = cosines.fold((0.0, 0.0), |(all, deflected), cosine| {
+                let density = henyey_greenstein(cosine, mean) / f64::from(n);
+                (all + density, deflected + cosine * density)
+            });
+            assert!(
+                (all - 1.0).abs() < 1e-6 && (deflected - mean).abs() < 1e-6,
+                "{mean}: {all}, {deflected}"
+            );
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::ExactField;
 use super::picture::first_surface;
-use crate::random::{Chance, mix_to_unit};
+use crate::random::{Chance, low_discrepancy, mix_to_unit};
 use crate::scene::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -101,15 +101,4 @@ impl ExactField<'_> {
         let depth_mm = curve.depth_of_optical_depth(tau.min(curve.total()))?;
         Some(VisiblePoint { position: eye + direction * depth_mm, weight: opacity })
     }
-}
-
-/// Returns point `index` of a three-dimensional low-discrepancy sequence: an additive recurrence whose steps are
-/// powers of the root of `x^4 = x + 1`.
-fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
-    const ROOT: f64 = 1.220_744_084_605_759_5;
-    let mut step = 1.0;
-    shift.map(|s| {
-        step /= ROOT;
-        (s + step * (index + 1) as f64).fract()
-    })
 }

@@ -85,10 +85,16 @@ pub const DEFAULT_ETA: f64 = 0.03;
 /// Returns whether pictures of a scene can be certified.
 ///
 /// # Errors
-/// The scene has opaque objects.
+/// The scene has opaque objects, or a light with a size.
 pub fn check(scene: &Scene) -> Result<()> {
-    let why = "opaque objects hide light, of which the shadow map knows nothing";
-    if scene.mesh.is_some() { Err(Error::input("cannot certify", "picture", why)) } else { Ok(()) }
+    let refuse = |why: &str| Err(Error::input("cannot certify", "picture", why));
+    if scene.mesh.is_some() {
+        return refuse("opaque objects hide light, of which the shadow map knows nothing");
+    }
+    if scene.has_soft_light() {
+        return refuse("the bound is that of lights without a size");
+    }
+    Ok(())
 }
 
 /// Returns the largest channel of light that a point receives without shadows and shading.
@@ -221,7 +227,7 @@ impl CertifiedScene<'_> {
         let directions = eye_rays.iter().flat_map(|r| r.all_samples().map(|_| r.direction));
         let directions: Vec<DVec3> = directions.collect();
         let factor = |(point, direction): (&DVec3, &DVec3)| {
-            self.field.shading_factor(*point, *direction, &source.light, scene.shading)
+            self.field.shading_factor(*point, *direction, &source.light, scene)
         };
         let factors: Vec<f64> = points.par_iter().zip(&directions).map(factor).collect();
         for (i, factor) in factors.into_iter().enumerate() {

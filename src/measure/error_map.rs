@@ -2,13 +2,16 @@
 //! the light to the visible point behind each pixel; or bounds on the errors of the certified picture.
 
 use super::certified::{CertifiedScene, DEFAULT_ETA};
+use super::errors::mean_of_maps;
 use super::stats::ErrorStats;
 use crate::error::{Error, Result};
 use crate::exact::{ExactField, VisiblePoint};
 use crate::render::{DeviceTransfer, LightMaps, LoadedVolume, Renderer};
 use crate::scene::Scene;
+use crate::shadow::ShadowMap;
 use crate::transfer::TransferFunction;
 use crate::volume::DirectionMoments;
+use glam::DVec3;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -75,7 +78,7 @@ impl ExactView {
         quantity: Quantity,
         go_on: impl Fn() -> bool,
     ) -> Option<Self> {
-        let (scene, light) = (scene.clone(), scene.light());
+        let (scene, source) = (scene.clone(), scene.lights.first().copied().unwrap_or_default());
         let mut visible = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
@@ -90,7 +93,7 @@ impl ExactView {
                     let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
                     visible.par_extend(lit.filter_map(|(pixel, point)| {
                         let point = point?;
-                        let exact = field.transmittance_to_light(point.position, &light);
+                        let exact = field.transmittance_from(point.position, &source).value;
                         Some((pixel, point, exact))
                     }));
                 }
@@ -144,15 +147,16 @@ impl ExactView {
         let mut weighted = Vec::new();
         match &self.answer {
             Answer::Light(visible) => {
-                let Some(shadow) = shadows.maps().first() else { return Ok(None) };
                 for some in visible.chunks(POINTS_AT_ONCE) {
                     if !go_on() {
                         return Ok(None);
                     }
                     let points_mm: Vec<_> = some.iter().map(|(_, point, _)| point.position).collect();
-                    let values = renderer.query(loaded, transfer, shadow, &points_mm)?;
+                    let query =
+                        |map: &ShadowMap, points: &[DVec3]| renderer.query(loaded, transfer, map, points);
+                    let values = mean_of_maps(shadows.maps(), &points_mm, query)?;
                     for ((pixel, point, exact), value) in some.iter().zip(values) {
-                        let error = known(f64::from(value) - exact);
+                        let error = known(value - exact);
                         errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
                         weighted.push((error, point.weight));
                     }

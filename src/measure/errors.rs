@@ -14,6 +14,7 @@ use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{Enclosure, LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// Seed for the random choice of points visible to the camera. It is fixed; every run measures errors at the same
 /// points.
@@ -31,32 +32,37 @@ pub struct VisiblePoints {
     points_mm: Vec<DVec3>,
     weights: Vec<f64>,
     exact: Vec<f64>,
+    /// Root mean square of the standard errors of the exact transmittances: 0 for a light without a size.
+    exact_error: f64,
+    /// Number of shadow maps of the light, whose answers are averaged.
+    maps: usize,
 }
 
 impl VisiblePoints {
     /// Chooses about `count` points visible to the camera and computes the exact transmittance from the scene's first
     /// light to each. Fewer points, or none, are chosen where little is visible.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        Self::of(field, &field.visible_points(scene, count, SEED), scene.light())
+        let source = scene.lights.first().copied().unwrap_or_default();
+        Self::of(field, &field.visible_points(scene, count, SEED), &source)
     }
 
-    fn of(field: &ExactField, points: &[VisiblePoint], light: Light) -> Self {
-        let to_light = |p: &DVec3| field.transmittance_to_light(*p, &light);
+    fn of(field: &ExactField, points: &[VisiblePoint], source: &LightSource) -> Self {
         let points_mm: Vec<_> = points.iter().map(|p| p.position).collect();
-        let exact = points_mm.par_iter().map(to_light).collect();
-        Self { points_mm, weights: points.iter().map(|p| p.weight).collect(), exact }
+        let (exact, exact_error) = field.transmittances_from(&points_mm, source);
+        let weights = points.iter().map(|p| p.weight).collect();
+        Self { points_mm, weights, exact, exact_error, maps: source.sample_count() }
     }
 
     /// Returns the first `count` points of a list of points visible to the camera, or all if there are fewer.
     pub fn first(&self, count: usize) -> Self {
         let n = self.len().min(count);
         let [weights, exact] = [&self.weights, &self.exact].map(|values| values[..n].to_vec());
-        Self { points_mm: self.points_mm[..n].to_vec(), weights, exact }
+        Self { points_mm: self.points_mm[..n].to_vec(), weights, exact, ..*self }
     }
 
     /// Returns a copy of the points visible to the camera with other values of exact transmittance.
     pub fn with_exact(&self, exact: Vec<f64>) -> Self {
-        Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
+        Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact, ..*self }
     }
 
     /// Number of points visible to the camera at which shadow errors are measured.
@@ -85,12 +91,13 @@ impl VisiblePoints {
     }
 
     /// Returns statistics of the transmittance errors `T_method - T_exact` over the points visible to the camera,
-    /// weighted by visibility; `None` where no point is visible.
+    /// weighted by visibility; `None` where no point is visible. `shadows` are the shadow maps of the light: one, or as
+    /// many as it has samples.
     ///
     /// # Errors
     /// The device is lost.
-    pub fn errors(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<ErrorStats>> {
-        ErrorStats::of(self.weighted(session, shadow)?)
+    pub fn errors(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
+        ErrorStats::of(self.weighted(session, shadows)?)
     }
 
     /// Returns the widths of an enclosure at the points visible to the camera, each with the point's weight.
@@ -105,10 +112,14 @@ impl VisiblePoints {
     ///
     /// # Errors
     /// The device is lost.
-    pub fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
-        let values = session.query(shadow, &self.points_mm)?;
-        let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
-        Ok(values.iter().zip(&self.exact).map(error).zip(self.weights.iter().copied()).collect())
+    pub fn weighted(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<(f64, f64)>> {
+        let values = self.transmittances(session, shadows)?;
+        let errors = values.iter().zip(&self.exact).map(|(value, exact)| value - exact);
+        Ok(errors.zip(self.weights.iter().copied()).collect())
+    }
+
+    fn transmittances(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<f64>> {
+        mean_of_maps(shadows, &self.points_mm, |map, points| session.query(map, points))
     }
 }
 
@@ -121,11 +132,11 @@ impl VisiblePointsByLight {
     /// where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         let points = field.visible_points(scene, count, SEED);
-        let lights = scene.shining();
+        let lights = scene.sources_shining();
         // The points come from a low-discrepancy sequence, any section of which is evenly distributed.
         let place = |i: usize| i * points.len() / lights.len();
         let part = |(i, source): (usize, &LightSource)| {
-            VisiblePoints::of(field, &points[place(i)..place(i + 1)], source.light)
+            VisiblePoints::of(field, &points[place(i)..place(i + 1)], source)
         };
         Self(lights.iter().enumerate().map(part).collect())
     }
@@ -156,8 +167,8 @@ impl VisiblePointsByLight {
     /// See [`VisiblePoints::weighted`].
     pub fn weighted(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<(f64, f64)>> {
         let mut all = Vec::with_capacity(self.count());
-        for (part, shadow) in self.0.iter().zip(shadows) {
-            all.append(&mut part.weighted(session, shadow)?);
+        for (part, shadows) in self.with_maps(shadows) {
+            all.append(&mut part.weighted(session, shadows)?);
         }
         Ok(all)
     }
@@ -169,8 +180,8 @@ impl VisiblePointsByLight {
     /// The device is lost.
     pub fn transmittances(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Vec<f64>> {
         let mut all = Vec::with_capacity(self.count());
-        for (part, shadow) in self.0.iter().zip(shadows) {
-            all.extend(session.query(shadow, &part.points_mm)?.into_iter().map(f64::from));
+        for (part, shadows) in self.with_maps(shadows) {
+            all.extend(part.transmittances(session, shadows)?);
         }
         Ok(all)
     }
@@ -181,19 +192,56 @@ impl VisiblePointsByLight {
         Self(self.0.iter().map(|part| part.first(each)).collect())
     }
 
+    /// Returns the points of each light with the shadow maps of its samples.
+    fn with_maps<'s>(
+        &'s self,
+        shadows: &'s [ShadowMap],
+    ) -> impl Iterator<Item = (&'s VisiblePoints, &'s [ShadowMap])> {
+        let mut rest = shadows;
+        self.0.iter().map(move |part| {
+            let (maps, others) = rest.split_at(part.maps.min(rest.len()));
+            rest = others;
+            (part, maps)
+        })
+    }
+
+    /// Returns the root mean square of the standard errors of the exact transmittances, the largest of all lights: 0
+    /// without a light that has a size.
+    pub fn exact_error(&self) -> f64 {
+        self.0.iter().map(|part| part.exact_error).fold(0.0, f64::max)
+    }
+
     /// Returns statistics of the widths of the enclosures at the visible points of all lights together; `None` unless
-    /// all of their shadow maps have one.
+    /// all of their shadow maps have one and no light has a size.
     ///
     /// # Errors
     /// See [`VisiblePoints::errors`].
     pub fn enclosure_widths(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
         let mut all = Vec::with_capacity(self.count());
-        for (part, shadow) in self.0.iter().zip(shadows) {
-            let Some(enclosure) = &shadow.enclosure else { return Ok(None) };
+        for (part, maps) in self.with_maps(shadows) {
+            let [ShadowMap { enclosure: Some(enclosure), .. }] = maps else { return Ok(None) };
             all.append(&mut part.widths(session, enclosure)?);
         }
         ErrorStats::of(all)
     }
+}
+
+/// Returns the transmittance from a light at points (world mm): the mean of the answers of its shadow maps, one for each
+/// sample of a light with a size.
+///
+/// # Errors
+/// A query fails.
+pub fn mean_of_maps<Map: Borrow<ShadowMap>>(
+    maps: &[Map],
+    points_mm: &[DVec3],
+    query: impl Fn(&ShadowMap, &[DVec3]) -> Result<Vec<f32>>,
+) -> Result<Vec<f64>> {
+    let mut sums = vec![0.0; points_mm.len()];
+    for map in maps {
+        let found = query(map.borrow(), points_mm)?;
+        sums.iter_mut().zip(found).for_each(|(sum, t)| *sum += f64::from(t));
+    }
+    Ok(sums.into_iter().map(|sum| sum / maps.len().max(1) as f64).collect())
 }
 
 /// Chooses the shadow map texels on whose light rays transmittance is tested, spread over the rays that meet

@@ -9,7 +9,6 @@ use crate::render::Session;
 use crate::scene::{Camera, Light, Scene};
 use crate::shadow::Method;
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 /// Largest number of points at which flicker is measured, over all lights.
 pub(super) const FLICKER_POINTS: usize = 2000;
@@ -49,19 +48,17 @@ impl FlickerReference {
         progress: &mut dyn FnMut() -> Result<()>,
     ) -> Result<Self> {
         let scene = job.scene;
-        let middle_mm = job.volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+        let middle_mm = job.volume.center_mm();
         let angles = || (0..job.effort.flicker).map(|step| (step as f64 * STEP_DEG).to_radians());
         let mut light_steps = Vec::new();
         for angle in angles() {
             progress()?;
             let mut moved = scene.clone();
             moved.lights.iter_mut().for_each(|source| source.light = turned(source.light, middle_mm, angle));
-            let lights = moved.shining();
-            let exact = visible.parts().iter().zip(&lights).map(|(part, source)| {
-                let points = part.points_mm().par_iter();
-                points.map(|point| field.transmittance_to_light(*point, &source.light)).collect()
-            });
-            let exact = exact.collect();
+            let sources = moved.sources_shining();
+            let parts = visible.parts().iter().zip(&sources);
+            let exact =
+                parts.map(|(part, source)| field.transmittances_from(part.points_mm(), source).0).collect();
             light_steps.push((moved, exact));
         }
         let camera_steps: Vec<Scene> =
@@ -145,14 +142,12 @@ impl Scatter {
 
 /// Returns a light turned about the middle of the volume. A point light in the middle itself stays.
 fn turned(light: Light, middle_mm: DVec3, angle: f64) -> Light {
-    let turn = |direction: DVec3| match direction.try_normalize() {
-        Some(unit) => DQuat::from_axis_angle(unit.any_orthonormal_vector(), angle) * direction,
-        None => direction,
+    let from_middle = match light {
+        Light::Directional { toward } => toward,
+        Light::Point { position } => position - middle_mm,
     };
-    match light {
-        Light::Directional { toward } => Light::Directional { toward: turn(toward) },
-        Light::Point { position } => Light::Point { position: middle_mm + turn(position - middle_mm) },
-    }
+    let axis = from_middle.try_normalize().map(|unit| unit.any_orthonormal_vector());
+    axis.map_or(light, |axis| light.turned(DQuat::from_axis_angle(axis, angle), middle_mm))
 }
 
 /// Returns a camera turned about its target, to the side.

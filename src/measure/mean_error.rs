@@ -9,13 +9,13 @@
 //! Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and sample variance
 //! penalization*, Theorem 4).
 
+use super::errors::mean_of_maps;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::random::Chance;
 use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 /// Probability with which the bound is too small.
@@ -38,6 +38,8 @@ pub struct MeanErrorSample {
 /// Random points of one light.
 #[derive(Default)]
 struct LightSample {
+    /// Number of shadow maps of the light.
+    maps: usize,
     points_mm: Vec<DVec3>,
     /// Opacity of the pixel that sees each point.
     opacities: Vec<f64>,
@@ -56,8 +58,10 @@ pub struct MeanError {
 impl MeanErrorSample {
     /// Draws `draws` random points of the picture of a scene.
     pub fn new(field: &ExactField, scene: &Scene, draws: usize) -> Self {
-        let shining = scene.shining();
-        let mut lights: Vec<LightSample> = shining.iter().map(|_| LightSample::default()).collect();
+        let shining = scene.sources_shining();
+        let sample =
+            |source: &LightSource| LightSample { maps: source.sample_count(), ..LightSample::default() };
+        let mut lights: Vec<LightSample> = shining.iter().map(sample).collect();
         let channel = |source: &LightSource| source.radiance().into_iter().fold(0.0, f64::max);
         let channels: Vec<f64> = shining.iter().map(channel).collect();
         let sum = sum_of(&channels);
@@ -78,8 +82,7 @@ impl MeanErrorSample {
             }
         }
         for (sample, source) in lights.iter_mut().zip(&shining) {
-            let to_light = |p: &DVec3| field.transmittance_to_light(*p, &source.light);
-            sample.exact = sample.points_mm.par_iter().map(to_light).collect();
+            sample.exact = field.transmittances_from(&sample.points_mm, source).0;
         }
         Self { lights, range, draws }
     }
@@ -95,9 +98,12 @@ impl MeanErrorSample {
         query: impl Fn(&ShadowMap, &[DVec3]) -> Result<Vec<f32>>,
     ) -> Result<MeanError> {
         let mut values = Vec::with_capacity(self.draws);
-        for (sample, shadow) in self.lights.iter().zip(shadows) {
-            let found = query(shadow, &sample.points_mm)?;
-            let error = |(t, exact): (&f32, &f64)| match (f64::from(*t) - exact).abs() {
+        let mut rest = shadows;
+        for sample in &self.lights {
+            let (maps, others) = rest.split_at(sample.maps.min(rest.len()));
+            rest = others;
+            let found = mean_of_maps(maps, &sample.points_mm, &query)?;
+            let error = |(t, exact): (&f64, &f64)| match (t - exact).abs() {
                 error if error <= 1.0 => error,
                 // Also NaN.
                 _ => 1.0,

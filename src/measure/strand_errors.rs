@@ -38,6 +38,9 @@ impl StrandReference {
         let [visible] = visible.parts() else {
             return Err("beams are of one light, and there are several");
         };
+        if job.scene.has_soft_light() {
+            return Err("beams are parallel, and the light has a size");
+        }
         let Light::Directional { toward } = job.scene.light() else {
             return Err("beams are parallel, and the light is at a point");
         };
@@ -62,7 +65,7 @@ impl StrandReference {
     /// # Errors
     /// The device is lost.
     pub fn rms(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<f64>> {
-        Ok(self.truth.errors(session, shadow)?.map(|stats| stats.rms))
+        Ok(self.truth.errors(session, std::slice::from_ref(shadow))?.map(|stats| stats.rms))
     }
 
     /// Returns a note for the reader of the comparison table: the transmittance error of the voxel volume itself

@@ -4,6 +4,7 @@ mod diagnostic;
 mod downsample;
 pub mod formats;
 mod layer;
+mod lighting;
 mod load;
 mod masking;
 mod meshes;

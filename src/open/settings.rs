@@ -81,8 +81,10 @@ pub struct SceneSettings {
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::within(0.001..=179.9), allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
-    /// Light, may be given several times: dir:x,y,z (or x,y,z) towards a light at infinity, or point:x,y,z in world mm,
-    /// followed by ,color=#rrggbb (sRGB, or a name; default: white) and ,intensity=F (default: 1) [default: dir:0.5,0.5,0.7071]
+    /// Light, may be given several times: dir:x,y,z (or x,y,z) towards a light at infinity, or point:x,y,z in world mm.
+    /// With a size, for soft shadows: sun:x,y,z,angle=DEG, disc:x,y,z,radius=MM or sky, optionally ,samples=N (default: 16
+    /// shadow maps). Then optionally ,color=#rrggbb (sRGB, or a name; default: white) and ,intensity=F (default: 1)
+    /// [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
@@ -93,9 +95,12 @@ pub struct SceneSettings {
     /// Share of ambient light, which shadows do not affect, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::within(0.0..=1.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
-    /// Shading by the gradient, or of strands by their direction (kajiya-kay) [default: none]
+    /// Shading by the gradient, of strands by their direction (kajiya-kay), or by a phase function (phase) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
+    /// Mean cosine of Henyey and Greenstein's phase function, -0.95 to 0.95, with --shading phase, which it stands for [default: 0]
+    #[arg(long, value_name = "G", value_parser = values::within(-0.95..=0.95), allow_hyphen_values = true, help_heading = "Scene")]
+    pub phase: Option<f64>,
     /// Background colour, sRGB or a name such as white; or none: black, and transparent in picture files [default: #000000]
     #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
     pub background: Option<Background>,
@@ -236,11 +241,14 @@ impl SceneSettings {
         let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         self.check_lights()?;
+        let lights = self.light.clone().filter(|lights| !lights.is_empty()).unwrap_or(default.lights);
+        let center_mm = bounds.volume().center_mm();
         Ok(Scene {
             camera: self.camera(bounds, size)?,
-            lights: self.light.clone().filter(|lights| !lights.is_empty()).unwrap_or(default.lights),
+            lights: lights.into_iter().map(|source| source.facing(center_mm)).collect(),
             ambient: self.ambient.unwrap_or(default.ambient),
-            shading: self.shading.unwrap_or(default.shading),
+            shading: self.shading()?,
+            mean_cosine: self.phase.unwrap_or(default.mean_cosine),
             mesh: None,
             background: match self.background {
                 Some(Background::Color(rgb)) => rgb,
@@ -269,32 +277,11 @@ impl SceneSettings {
             opaque: OpaqueFlags::of(scene.mesh.as_deref()),
             ambient: Some(ambient),
             shading: Some(shading),
+            phase: (shading == Shading::Phase).then_some(scene.mean_cosine),
             background: Some(background),
             step: Some(step),
             skip: Some(skip),
             ..Self::of_volume(spec)
-        }
-    }
-
-    /// Returns an error if the scene has more lights than the renderer supports.
-    pub(super) fn check_lights(&self) -> Result<()> {
-        self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))
-    }
-
-    /// Returns an error if the scene has several lights, for a command that supports only one light.
-    ///
-    /// # Errors
-    /// The scene has more than one light.
-    pub fn one_light(&self, command: &str) -> Result<()> {
-        self.check_light_count(1, &format!("`{command}` takes one"))
-    }
-
-    fn check_light_count(&self, most: usize, why: &str) -> Result<()> {
-        match self.light.iter().flatten().count() {
-            count if count > most => {
-                Err(Error::input("too many lights", "--light", format!("there are {count}, and {why}")))
-            }
-            _ => Ok(()),
         }
     }
 }
@@ -394,6 +381,25 @@ mod tests {
         let with = |count| SceneSettings { light: Some(vec![lights[0]; count]), ..SceneSettings::default() };
         assert!(with(17).check_lights().unwrap_err().why.contains("17"));
         assert!(with(16).check_lights().is_ok());
+    }
+
+    #[test]
+    fn a_phase_function_is_a_shading() {
+        let of = |arguments: &[&str]| scene(arguments).map(|scene| (scene.shading, scene.mean_cosine));
+        assert_eq!(of(&["--phase=-0.5"]).unwrap(), (Shading::Phase, -0.5));
+        assert_eq!(of(&["--shading=phase"]).unwrap(), (Shading::Phase, 0.0));
+        assert_eq!(of(&["--shading=phase", "--phase=0.6"]).unwrap(), (Shading::Phase, 0.6));
+        assert!(of(&["--shading=lambert", "--phase=0.6"]).unwrap_err().why.contains("lambert"));
+    }
+
+    #[test]
+    fn lights_with_a_size_are_limited() {
+        let light = |text: &str| Some(vec![values::light(text).unwrap(); 5]);
+        let with = |text: &str| SceneSettings { light: light(text), ..SceneSettings::default() };
+        assert!(with("sky,samples=51").check_lights().is_ok());
+        assert!(with("sky,samples=52").check_lights().unwrap_err().why.contains("260"));
+        assert!(with("dir:0,0,1").hard_lights("claims").is_ok());
+        assert!(with("sun:0,0,1,angle=3").hard_lights("claims").unwrap_err().why.contains("claims"));
     }
 
     #[test]

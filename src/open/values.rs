@@ -1,7 +1,7 @@
 //! Parsers for the values of command-line flags. Each returns an error as a reason in one line.
 
 use crate::files::color;
-use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
+use crate::scene::{AXIS_VIEWS, AxisView, Extent, Light, LightSource};
 use crate::strands::{MAX_MM, RESOLUTIONS};
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -72,6 +72,9 @@ pub fn sha256(text: &str) -> Result<String, String> {
     }
 }
 
+/// Forms of a light on the command line, for error messages.
+const LIGHT_FORMS: &str = "expected dir:x,y,z, point:x,y,z, disc:x,y,z,radius=MM, sun:x,y,z,angle=DEG or sky";
+
 fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
@@ -115,25 +118,67 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// Parses a light: `dir:x,y,z` (or `x,y,z` alone) or `point:x,y,z`, then optionally `,color=` with `#rrggbb` (sRGB) or a
-/// name, and `,intensity=F`, each at most once.
+/// Parses a light: `dir:x,y,z` (or `x,y,z` alone), `point:x,y,z`, `disc:x,y,z,radius=MM`, `sun:x,y,z,angle=DEG` or `sky`.
+/// Then optionally `,samples=N` for a light with a size, `,color=` with `#rrggbb` (sRGB) or a name, and `,intensity=F`,
+/// each at most once.
 pub fn light(text: &str) -> Result<LightSource, String> {
-    let (place, [color, intensity]) = with_keys(text, ["color", "intensity"])?;
+    let (place, [color, intensity, radius, angle, samples]) =
+        with_keys(text, ["color", "intensity", "radius", "angle", "samples"])?;
     if let Some((item, _)) = place.split_once('=') {
-        return Err(format!("`{item}` is no key of a light: there is color=, intensity="));
+        return Err(format!(
+            "`{item}` is no key of a light: there is color=, intensity=, radius=, angle=, samples="
+        ));
     }
-    let light = match place.split_once(':') {
-        Some(("dir", v)) => Light::Directional { toward: direction(v)? },
-        Some(("point", v)) => Light::Point { position: point(v)? },
+    let (kind, light) = match place.split_once(':') {
+        Some((kind @ ("dir" | "sun"), v)) => (kind, Light::Directional { toward: direction(v)? }),
+        Some((kind @ ("point" | "disc"), v)) => (kind, Light::Point { position: point(v)? }),
+        None if place == "sky" => ("sky", Light::Directional { toward: DVec3::Z }),
         None => {
-            let refuse = |_| format!("`{place}` is no light: expected dir:x,y,z or point:x,y,z");
-            Light::Directional { toward: direction(place).map_err(refuse)? }
+            let refuse = |_| format!("`{place}` is no light: {LIGHT_FORMS}");
+            ("dir", Light::Directional { toward: direction(place).map_err(refuse)? })
         }
-        _ => return Err("expected dir:x,y,z or point:x,y,z".into()),
+        _ => return Err(LIGHT_FORMS.into()),
     };
     let white = LightSource::from(light);
-    let color = color.map_or(Ok(white.color), color::parse)?;
-    Ok(LightSource { light, color, intensity: intensity.map_or(Ok(white.intensity), light_intensity)? })
+    Ok(LightSource {
+        light,
+        extent: light_extent(kind, radius, angle)?,
+        samples: samples.map_or(Ok(white.samples), |text| light_samples(kind, text))?,
+        color: color.map_or(Ok(white.color), color::parse)?,
+        intensity: intensity.map_or(Ok(white.intensity), light_intensity)?,
+    })
+}
+
+/// Returns the size of a light of the given kind from the values of its keys.
+fn light_extent(kind: &str, radius: Option<&str>, angle: Option<&str>) -> Result<Extent, String> {
+    let positive = |key: &str, most: f64, text: &str| match within(0.0..=most)(text) {
+        Ok(x) if x > 0.0 => Ok(x),
+        Ok(_) => Err(format!("{key}: it must be above 0")),
+        Err(why) => Err(format!("{key}: {why}")),
+    };
+    match (kind, radius, angle) {
+        ("disc", Some(radius), None) => Ok(Extent::Disc {
+            radius_mm: positive("radius", MAX_COORDINATE, radius)?,
+            facing_mm: DVec3::ZERO,
+        }),
+        ("sun", None, Some(angle)) => Ok(Extent::Cone { angle_deg: positive("angle", 360.0, angle)? }),
+        ("sky", None, None) => Ok(Extent::SKY),
+        ("dir" | "point", None, None) => Ok(Extent::None),
+        ("disc", ..) => Err("a disc has radius=MM and no angle".into()),
+        ("sun", ..) => Err("a sun has angle=DEG and no radius".into()),
+        _ => Err("radius= belongs to disc:x,y,z and angle= to sun:x,y,z".into()),
+    }
+}
+
+/// Parses the number of samples of a light with a size.
+fn light_samples(kind: &str, text: &str) -> Result<u32, String> {
+    if matches!(kind, "dir" | "point") {
+        return Err("samples= belongs to lights with a size: disc, sun, sky".into());
+    }
+    match text.parse() {
+        Ok(count) if (1..=LightSource::MOST_SAMPLES).contains(&count) => Ok(count),
+        _ => Err(format!("samples: expected a whole number from 1 to {}", LightSource::MOST_SAMPLES)),
+    }
 }
 
 /// Splits a flag's text such as `FILE,color=#rrggbb` into the name before the first key and the values of the known
@@ -233,6 +278,14 @@ mod tests {
         let red = [1.0, 0.0, 0.0];
         assert_eq!(light("dir:0,2,0,color=#ff0000"), Ok(LightSource { color: red, ..up }));
         assert_eq!(light("point:0,2,0, intensity=0"), Ok(LightSource { intensity: 0.0, ..at }));
+        let sun = LightSource { extent: Extent::Cone { angle_deg: 5.5 }, samples: 4, ..up };
+        assert_eq!(light("sun:0,2,0,angle=5.5,samples=4"), Ok(sun));
+        let facing_mm = DVec3::ZERO;
+        let disc = LightSource { extent: Extent::Disc { radius_mm: 30.0, facing_mm }, intensity: 2.0, ..at };
+        assert_eq!(light("disc:0,2,0,intensity=2,radius=30"), Ok(disc));
+        for source in [sun, disc, light("sky,samples=3,color=red").unwrap()] {
+            assert_eq!(light(&source.text()), Ok(source));
+        }
         let both = Ok(LightSource { color: red, intensity: 2.5, ..at });
         assert_eq!(light("point:0,2,0,color=#ff0000,intensity=2.5"), both);
         assert_eq!(light("point:0,2,0,intensity=2.5,color=#ff0000"), both);
@@ -259,6 +312,23 @@ mod tests {
         }
         for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2", "point:1,2", "color=#ffffff"] {
             assert!(light(bad).is_err(), "{bad}");
+        }
+        for (bad, why) in [
+            ("sun:0,0,1,radius=3", "angle=DEG"),
+            ("disc:0,0,1", "radius=MM"),
+            ("point:0,0,1,radius=3", "belongs"),
+            ("sky,angle=3", "belongs"),
+            ("sky:0,0,1", "expected"),
+            ("sun:0,0,1,angle=0", "above 0"),
+            ("sun:0,0,1,angle=361", "0 to 360"),
+            ("disc:0,0,1,radius=x", "number"),
+            ("dir:0,0,1,samples=4", "with a size"),
+            ("sky,samples=0", "1 to 256"),
+            ("sky,samples=257", "1 to 256"),
+            ("sky,samples=1.5", "1 to 256"),
+        ] {
+            let error = light(bad).unwrap_err();
+            assert!(error.contains(why), "{bad}: {error}");
         }
         for (keys, why) in [
             ("color=redd", "#rrggbb"),

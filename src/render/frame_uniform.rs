@@ -28,7 +28,7 @@ pub(super) struct FrameUniform {
     pub world_y: [f32; 3],
     pub tiles_cast: u32,
     pub world_z: [f32; 3],
-    pub padding_c: f32,
+    pub mean_cosine: f32,
     pub light: [f32; 3],
     pub adds: u32,
     pub first_tile: [u32; 2],
@@ -61,6 +61,7 @@ pub(super) fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
         shading_weight: if scene.shading == Shading::None { 0.0 } else { 1.0 },
         world_y: f32s(world_from_grid.y_axis),
         world_z: f32s(world_from_grid.z_axis),
+        mean_cosine: scene.mean_cosine as f32,
         ..Zeroable::zeroed()
     }
 }
@@ -77,6 +78,6 @@ mod tests {
         assert_layout!(shader, "Tile", TileUniform: at, nearest_mm, farthest_mm);
         assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
             ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
-            tiles_cast, world_z, light, adds, first_tile, part_tiles);
+            tiles_cast, world_z, mean_cosine, light, adds, first_tile, part_tiles);
     }
 }

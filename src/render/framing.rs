@@ -70,7 +70,7 @@ impl VisibleBounds {
 
     /// Returns bounds that contain the whole domain of a volume, whether it is visible or not.
     pub fn whole(volume: &Arc<Volume>) -> Self {
-        let center_mm = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+        let center_mm = volume.center_mm();
         let (intervals, functions, planes) = (Vec::new(), Vec::new(), Vec::new());
         let volume = Arc::clone(volume);
         Self { volume, outer: Vec::new(), intervals, functions, planes, mesh: None, center_mm }

@@ -107,7 +107,7 @@ fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
 /// Returns the distance from the eye to the plane across the view through the volume's centre, mm. Eye rays are
 /// described from this plane, so that distant eyes lose no precision.
 pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
-    let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+    let center = volume.center_mm();
     (center - scene.camera.eye).dot(scene.camera.frame().forward).max(volume.min_spacing_mm())
 }
 
@@ -285,6 +285,7 @@ impl Omissions {
         match shading {
             Shading::None => self.add("gradients", "shading none", samples, Some(Optimization::Gradients)),
             Shading::KajiyaKay => self.add("gradients", "shading kajiya-kay", samples, None),
+            Shading::Phase => self.add("gradients", "shading phase", samples, None),
             Shading::Lambert | Shading::BlinnPhong => {}
         }
         if loaded.strands.is_some() && !shading.is_of_strands() {
@@ -337,6 +338,7 @@ fn raycast_shader(
             "render/mean_light.wgsl",
         ])
         .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
+        .modules(if shading == Shading::None { &[] } else { &["render/shading.wgsl"] })
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_ray_march(skip_bricks)
@@ -373,9 +375,10 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
 fn shading_defs(shading: Shading) -> &'static [&'static str] {
     match shading {
         Shading::None => &[],
-        Shading::Lambert => &["SHADED", "SHADING"],
-        Shading::BlinnPhong => &["SHADED", "SHADING", "BLINN_PHONG"],
-        Shading::KajiyaKay => &["SHADED", "SHADING", "KAJIYA_KAY"],
+        Shading::Lambert => &["SHADED", "SHADING_FACTOR", "SHADING"],
+        Shading::BlinnPhong => &["SHADED", "SHADING_FACTOR", "SHADING", "BLINN_PHONG"],
+        Shading::KajiyaKay => &["SHADED", "SHADING_FACTOR", "SHADING", "KAJIYA_KAY"],
+        Shading::Phase => &["SHADED", "SHADING_FACTOR", "PHASE_FUNCTION"],
     }
 }
 

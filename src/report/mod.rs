@@ -19,6 +19,7 @@ mod made;
 pub mod make;
 pub mod markdown;
 pub mod merge;
+pub mod mitsuba;
 mod names;
 pub mod nodes;
 pub mod number;

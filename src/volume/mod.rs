@@ -260,6 +260,11 @@ impl Volume {
         })
     }
 
+    /// Returns the centre of the volume's domain in world mm.
+    pub fn center_mm(&self) -> DVec3 {
+        self.corners_mm().iter().sum::<DVec3>() / 8.0
+    }
+
     /// Returns the value range of each brick (block of grid cells), for empty-space skipping. It is computed once per
     /// volume.
     pub fn bricks(&self) -> &Bricks {

@@ -12,10 +12,11 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, what: &str) {
         (lights(volume)[0], Shading::Lambert),
         (lights(volume)[2], Shading::None),
         (lights(volume)[2], Shading::BlinnPhong),
+        (lights(volume)[2], Shading::Phase),
     ]
     .map(|((place, light), shading)| (format!("{place}, {shading:?}"), light, shading))
     {
-        let scene = Scene { lights: vec![light.into()], shading, ..setup.scene(24, 16) };
+        let scene = Scene { lights: vec![light.into()], shading, mean_cosine: 0.6, ..setup.scene(24, 16) };
         let exact = field.picture(&scene);
         for (method, allowed) in
             [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]

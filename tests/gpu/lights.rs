@@ -11,7 +11,7 @@ const SUMS: f64 = 2e-6;
 const METHODS: [&str; 5] = ["rays", "none", "dsm:map=64", "dom:map=64", "osm:map=64"];
 
 fn source(light: Light, color: [f64; 3], intensity: f64) -> LightSource {
-    LightSource { light, color, intensity }
+    LightSource { color, intensity, ..light.into() }
 }
 
 /// Three lights of different colours: at infinity, outside, and inside the volume.

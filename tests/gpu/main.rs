@@ -46,6 +46,7 @@ mod samples;
 #[path = "../common/attack/mod.rs"]
 mod scenes;
 mod shading;
+mod soft_lights;
 mod strands;
 mod tolerance;
 mod tubes;

@@ -40,7 +40,7 @@ fn the_bound_covers_the_mean_error_of_methods() {
 fn the_mean_error_is_that_of_all_lights() {
     let Some((setup, scene)) = shell() else { return };
     let field = setup.exact();
-    let source = |light, color, intensity| LightSource { light, color, intensity };
+    let source = |light: Light, color, intensity| LightSource { color, intensity, ..light.into() };
     let lit = |lights: &[LightSource], ambient| Scene { lights: lights.to_vec(), ambient, ..scene.clone() };
     let of = |scene: &Scene| {
         let maps = setup.session.shadows_of(parse("none").unwrap().as_ref(), scene).unwrap();

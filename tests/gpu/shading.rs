@@ -36,3 +36,32 @@ fn a_ball_is_shaded_by_its_normal() {
         }
     }
 }
+
+/// A phase function multiplies the light of a pixel by one factor under a light at infinity: that of the angle between the
+/// light's direction and the eye ray.
+#[test]
+fn a_phase_function_is_that_of_henyey_and_greenstein() {
+    let Some(setup) = Setup::open(&phantom("sphere:48"), &extinction(&[(0.0, 0.0), (500.0, 0.02)])) else {
+        return;
+    };
+    let base = Scene { ambient: 0.0, background: [0.0; 3], ..setup.scene(31, 31) };
+    let sight = base.camera.frame().forward;
+    for (angle_deg, g) in [(0.0_f64, 0.8), (40.0, 0.8), (90.0, -0.5), (180.0, 0.8), (120.0, 0.0)] {
+        let (sin, cos) = angle_deg.to_radians().sin_cos();
+        let toward = cos * sight + sin * sight.any_orthonormal_vector();
+        let expected = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * cos).powf(1.5);
+        for method in ["none", "rays"] {
+            let red = |shading| {
+                let light = Light::Directional { toward };
+                let scene = Scene { lights: vec![light.into()], shading, mean_cosine: g, ..base.clone() };
+                f64::from(setup.picture(method, &scene)[[15, 15, 0]])
+            };
+            let (plain, scattered) = (red(Shading::None), red(Shading::Phase));
+            let factor = scattered / plain;
+            assert!(
+                (factor - expected).abs() < 1e-4 * expected,
+                "{angle_deg}, {g}, {method}: {factor}, not {expected}"
+            );
+        }
+    }
+}

@@ -47,7 +47,7 @@ fn a_map_of_the_view_is_finer_than_one_of_the_volume() {
                 let measure = |rest: &str| {
                     let parsed = shadow::parse(&format!("{method},map=64{rest}")).unwrap();
                     let map = setup.session.shadow_of(parsed.as_ref(), &scene, scene.light()).unwrap();
-                    let rms = seen.errors(&setup.session, &map).unwrap().unwrap().rms;
+                    let rms = seen.errors(&setup.session, std::slice::from_ref(&map)).unwrap().unwrap().rms;
                     (rms, map.light_space.texel_mm(), map.report.texels_built())
                 };
                 let ((view, fine, few), (whole, wide, many)) = (measure(""), measure(",fit=volume"));

@@ -5,7 +5,7 @@ use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::files::color;
 use crate::open::values::MOST_INTENSITY;
-use crate::scene::{Camera, Light, Scene, Shading};
+use crate::scene::{Camera, Extent, Light, LightSource, Scene, Shading};
 use clap::ValueEnum;
 use eframe::egui::{self, Color32, Painter, Pos2, Sense, Stroke, vec2};
 use glam::DVec3;
@@ -17,7 +17,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let camera = document.scene.camera;
     list(ui, document);
     ui.horizontal(|ui| {
-        let light = &mut document.light_mut().light;
+        let LightSource { light, extent, .. } = document.light_mut();
         let toward = match *light {
             Light::Directional { toward } => toward,
             Light::Point { position } => position - center,
@@ -35,10 +35,12 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         ui.vertical(|ui| {
             let is_point = matches!(light, Light::Point { .. });
             if ui.radio(!is_point, "At infinity").clicked() && is_point {
-                *light = Light::Directional { toward: toward.normalize_or(DVec3::Z) };
+                (*light, *extent) =
+                    (Light::Directional { toward: toward.normalize_or(DVec3::Z) }, Extent::None);
             }
             if ui.radio(is_point, "At a point").clicked() && !is_point {
-                *light = Light::Point { position: center + toward.normalize_or(DVec3::Z) * 1.6 * radius };
+                let position = center + toward.normalize_or(DVec3::Z) * 1.6 * radius;
+                (*light, *extent) = (Light::Point { position }, Extent::None);
             }
             let (mut v, speed, unit, names) = match *light {
                 Light::Directional { toward } => (toward, 0.01, "", ["light R", "light A", "light S"]),
@@ -74,8 +76,45 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
             ui.selectable_value(&mut document.scene.shading, shading, value.get_name())
                 .accessible_name(format!("shading {}", value.get_name()));
         }
+        if document.scene.shading == Shading::Phase {
+            let cosine =
+                egui::DragValue::new(&mut document.scene.mean_cosine).speed(0.01).range(-0.95..=0.95);
+            ui.add(cosine.prefix("g "))
+                .on_hover_text("Mean cosine of the phase function: above 0 light is scattered forwards")
+                .accessible_name("mean cosine");
+        }
     });
+    size(ui, document, center);
     ui.weak("Shift-drag in the view moves the edited light");
+}
+
+/// Shows the size of the edited light: the radius of a disc at a point, or the angular diameter of a light at infinity.
+fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
+    let source = document.light_mut();
+    ui.horizontal(|ui| {
+        let is_point = matches!(source.light, Light::Point { .. });
+        let mut size = match source.extent {
+            Extent::None => 0.0,
+            Extent::Disc { radius_mm, .. } => radius_mm,
+            Extent::Cone { angle_deg } => angle_deg,
+        };
+        let (prefix, unit, most) = if is_point { ("radius ", " mm", 1e6) } else { ("angle ", "°", 360.0) };
+        let drag = egui::DragValue::new(&mut size).speed(0.5).max_decimals(2).prefix(prefix).suffix(unit);
+        let help = "Size of the light, for soft shadows; 0: none. All directions (360°) are a sky";
+        if ui.add(drag.range(0.0..=most)).on_hover_text(help).accessible_name("light size").changed() {
+            source.extent = match (size > 0.0, is_point) {
+                (false, _) => Extent::None,
+                (true, true) => Extent::Disc { radius_mm: size, facing_mm: center_mm },
+                (true, false) => Extent::Cone { angle_deg: size },
+            };
+        }
+        if source.is_soft() {
+            let samples = egui::DragValue::new(&mut source.samples).range(1..=LightSource::MOST_SAMPLES);
+            ui.add(samples.prefix("samples "))
+                .on_hover_text("Lights without a size that represent it, each with a shadow map")
+                .accessible_name("light samples");
+        }
+    });
 }
 
 /// Shows the direction of the edited light on a disc in camera space. Returns the new direction when the user drags

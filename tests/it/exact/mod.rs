@@ -4,6 +4,7 @@ mod brute_force;
 mod closed_forms;
 mod curve;
 mod invariances;
+mod light_mean;
 mod phantoms;
 mod picture;
 mod real_scans;

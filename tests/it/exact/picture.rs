@@ -95,7 +95,11 @@ fn shading_of_a_linear_field_is_one_factor() {
         for (shading, factor) in
             [(Shading::None, 1.0), (Shading::Lambert, diffuse), (Shading::BlinnPhong, diffuse + gloss)]
         {
-            assert_close(field.shading_factor(middle, sight, &light, shading), factor, 1e-12);
+            assert_close(
+                field.shading_factor(middle, sight, &light, &Scene { shading, ..base.clone() }),
+                factor,
+                1e-12,
+            );
         }
         // The edge is clamped half a voxel wide: a pixel through the middle alone has the one factor nearly
         // everywhere.
@@ -122,7 +126,8 @@ fn strands_are_shaded_by_their_directions() {
     };
     let x = volume.world_from_index().transform_point3(DVec3::new(1.3, 1.1, 2.4));
     let factor = |field: &ExactField, l: DVec3, e: DVec3| {
-        field.shading_factor(x, -e, &Light::Directional { toward: l }, Shading::KajiyaKay)
+        let scene = Scene { shading: Shading::KajiyaKay, ..scene(&volume) };
+        field.shading_factor(x, -e, &Light::Directional { toward: l }, &scene)
     };
     let (along_z, all) = (field([0.0, 0.0, 0.7, 0.0, 0.0, 0.0]), field([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]));
     let nowhere = field([0.0; 6]);
@@ -160,7 +165,15 @@ fn gradients_at_edges_and_in_flat_regions() {
     let flat = DVec3::new(1.3, 3.7, 2.2);
     assert_eq!(field.gradient(flat), DVec3::ZERO);
     let light = Light::Point { position: DVec3::new(9.0, -30.0, 4.0) };
-    assert_eq!(field.shading_factor(flat, DVec3::X, &light, Shading::BlinnPhong), 1.0);
+    assert_eq!(
+        field.shading_factor(
+            flat,
+            DVec3::X,
+            &light,
+            &Scene { shading: Shading::BlinnPhong, ..scene(&volume) }
+        ),
+        1.0
+    );
     // Half of the difference across the last half voxel is clamped away.
     let close = |at: [f64; 3], want: [f64; 3]| {
         let got = field.gradient(DVec3::from_array(at));

@@ -56,7 +56,7 @@ impl Difference {
         };
         let scene = match quantity {
             // The transmittance error is that of the edited light, independent of the light's colour.
-            Quantity::Light => document.scene.under(document.light().light.into()),
+            Quantity::Light => document.scene.under(document.light().uncolored()),
             Quantity::Picture | Quantity::Bound => document.scene.clone(),
         };
         let question = Question { tf: Arc::clone(&document.tf), scene, quantity };

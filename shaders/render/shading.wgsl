@@ -1,0 +1,61 @@
+// Shading factors of the light that reaches a point: from the gradient of the value, from the direction of strands, or by
+// a phase function.
+#define_import_path umbravox::shading
+
+#import umbravox::frame::frame
+#import umbravox::field::value_at
+#import umbravox::light::{light_point, light_ray}
+#ifdef KAJIYA_KAY
+#import umbravox::strand::strand_factor
+#endif
+
+// Returns the unit vector in world axes from a grid-space point towards the light.
+fn light_direction(g: vec3<f32>, to_world: mat3x3<f32>) -> vec3<f32> {
+    return -normalize(to_world * light_ray(light_point(g).texel).d);
+}
+
+#ifdef PHASE_FUNCTION
+// Returns the phase function of Henyey and Greenstein, times 4 pi, for light that is scattered to the eye.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    let cosine = dot(light_direction(g, to_world), normalize(to_world * eye_direction));
+    let mean = frame.mean_cosine;
+    // At least (1 - |mean|)^2, also with rounding.
+    let squared = max(1.0 + mean * mean - 2.0 * mean * cosine, (1.0 - abs(mean)) * (1.0 - abs(mean)));
+    return (1.0 - mean * mean) / (squared * sqrt(squared));
+}
+#else
+#ifdef KAJIYA_KAY
+// Returns the shading factor of strands at a grid-space point (Kajiya-Kay).
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    return strand_factor(g, light_direction(g, to_world), -normalize(to_world * eye_direction));
+}
+#else
+// Returns the shading factor of the volume at a grid-space point, from its gradient. Surfaces are lit from both
+// sides; shadows decide which side the light reaches.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let gradient_grid = vec3<f32>(
+        value_at(g + vec3<f32>(0.5, 0.0, 0.0)) - value_at(g - vec3<f32>(0.5, 0.0, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.5, 0.0)) - value_at(g - vec3<f32>(0.0, 0.5, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.0, 0.5)) - value_at(g - vec3<f32>(0.0, 0.0, 0.5)),
+    );
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    // Gradients transform with the inverse transpose; its scale does not matter to a direction.
+    let gradient = cross(to_world[1], to_world[2]) * gradient_grid.x
+        + cross(to_world[2], to_world[0]) * gradient_grid.y
+        + cross(to_world[0], to_world[1]) * gradient_grid.z;
+    let size = length(gradient);
+    let n = gradient / max(size, 1e-30);
+    let l = light_direction(g, to_world);
+    let diffuse = abs(dot(n, l));
+#ifdef BLINN_PHONG
+    let h = normalize(l - normalize(to_world * eye_direction));
+    let factor = diffuse + #{HIGHLIGHT} * pow(abs(dot(n, h)), #{GLOSS});
+#else
+    let factor = diffuse;
+#endif
+    return select(1.0, mix(1.0, factor, frame.shading_weight), size > 0.0);
+}
+#endif
+#endif

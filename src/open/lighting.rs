@@ -1,0 +1,65 @@
+//! Checks of the lights and of the shading in a scene's settings.
+
+use super::SceneSettings;
+use crate::error::{Error, Result};
+use crate::scene::{LightSource, Scene, Shading};
+use clap::ValueEnum as _;
+
+impl SceneSettings {
+    /// Returns the shading model: a phase function if only that is given.
+    pub(super) fn shading(&self) -> Result<Shading> {
+        match (self.shading, self.phase) {
+            (None, Some(_)) | (Some(Shading::Phase), _) => Ok(Shading::Phase),
+            (Some(shading), Some(_)) => {
+                let name = shading.to_possible_value().map_or(String::new(), |value| value.get_name().into());
+                let why = format!("a phase function scatters light, and --shading {name} shades otherwise");
+                Err(Error::input("cannot use phase function", "--phase", why))
+            }
+            (shading, None) => Ok(shading.unwrap_or_default()),
+        }
+    }
+
+    /// Returns an error if the scene has more lights than the renderer supports.
+    pub(super) fn check_lights(&self) -> Result<()> {
+        self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))?;
+        let most = Scene::MOST_SHADOW_MAPS;
+        match self.light.iter().flatten().map(LightSource::sample_count).sum::<usize>() {
+            count if count > most => {
+                let why = format!("they have {count} samples together, and at most {most} are drawn");
+                Err(Error::input("too many lights", "--light", why).hint("give fewer samples=N"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Returns an error if the scene has several lights, for a command that supports only one light.
+    ///
+    /// # Errors
+    /// The scene has more than one light.
+    pub fn one_light(&self, command: &str) -> Result<()> {
+        self.check_light_count(1, &format!("`{command}` takes one"))
+    }
+
+    /// Returns an error if a light of the scene has a size, for a command that supports only lights without one.
+    ///
+    /// # Errors
+    /// A light of the scene has a size.
+    pub fn hard_lights(&self, command: &str) -> Result<()> {
+        match self.light.iter().flatten().find(|source| source.is_soft()) {
+            Some(source) => {
+                let why = format!("`{command}` takes lights without a size (dir:x,y,z or point:x,y,z)");
+                Err(Error::input("bad light", source.text(), why))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn check_light_count(&self, most: usize, why: &str) -> Result<()> {
+        match self.light.iter().flatten().count() {
+            count if count > most => {
+                Err(Error::input("too many lights", "--light", format!("there are {count}, and {why}")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
