@@ -23,14 +23,14 @@ fn record_of(texel: vec2<u32>) -> u32 {
     return select(first + (texel.y % TILE) * TILE + texel.x % TILE, NO_TILE, first == NO_TILE);
 }
 
-// Wraps a texel that may lie outside the shadow map: an octahedral map continues at the mirrored position on the same
-// edge.
+// Wraps a texel that may lie outside the shadow map: an octahedral map continues at the mirrored position behind the
+// same edge.
 fn wrapped_texel(texel: vec2<i32>) -> vec2<u32> {
     let last = i32(light.map_size) - 1;
     var t = texel;
     if light.projection == OCTAHEDRAL {
-        if t.x < 0 || t.x > last { t = vec2<i32>(clamp(t.x, 0, last), last - t.y); }
-        if t.y < 0 || t.y > last { t = vec2<i32>(last - t.x, clamp(t.y, 0, last)); }
+        if t.x < 0 || t.x > last { t = vec2<i32>(select(-1, 2 * last + 1, t.x > last) - t.x, last - t.y); }
+        if t.y < 0 || t.y > last { t = vec2<i32>(last - t.x, select(-1, 2 * last + 1, t.y > last) - t.y); }
     }
     return vec2<u32>(clamp(t, vec2<i32>(0), vec2<i32>(last)));
 }

@@ -328,16 +328,16 @@ impl RayTest<'_> {
         let from_light_mm = bound.map_or(0.0, |b| b.from_light_mm);
         let tolerance_mm = bound.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
+        let taps = tap_offsets(self.taps);
+        let all_weights: f64 = taps.iter().map(|(_, weight)| weight).sum();
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
             let rays: Vec<(Vec<ExactRay>, Vec<f64>)> = texels
                 .par_iter()
                 .enumerate()
                 .map(|(i, &[column, row])| {
                     let center = DVec2::new(f64::from(column), f64::from(row));
-                    let curves: Vec<_> = tap_offsets(self.taps)
-                        .into_iter()
-                        .map(|offset| ExactRay::new(field, LightRay::new(space, light, center + offset)))
-                        .collect();
+                    let curve = |offset| ExactRay::new(field, LightRay::new(space, light, center + offset));
+                    let curves: Vec<_> = taps.iter().map(|(offset, _)| curve(*offset)).collect();
                     let [first, last] = tested_range(curves.iter(), space.z_range, tolerance_mm);
                     let nearest = match light {
                         Light::Point { .. } => LightRay::new(space, light, center).start_mm + from_light_mm,
@@ -371,14 +371,15 @@ impl RayTest<'_> {
                 let ray = chunk * RAYS_AT_ONCE + i;
                 let [column, row] = texels[i].map(f64::from);
                 let envelope = |known: Vec<f64>| {
-                    let around = |offset| {
-                        let ray = LightRay::new(space, light, DVec2::new(column, row) + offset);
+                    let around = |(offset, _): &(DVec2, f64)| {
+                        let ray = LightRay::new(space, light, DVec2::new(column, row) + *offset);
                         nearby.envelope(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
                     };
-                    let all: Option<Vec<_>> = tap_offsets(self.taps).into_iter().map(around).collect();
+                    let all: Option<Vec<_>> = taps.iter().map(around).collect();
                     all.map(RoundingEnvelope::mean)
                 };
-                let mean = |z| exact.iter().map(|ray| ray.transmittance(z)).sum::<f64>() / exact.len() as f64;
+                let weighed = |(ray, tap): (&ExactRay<'_>, &(DVec2, f64)), z| tap.1 * ray.transmittance(z);
+                let mean = |z| exact.iter().zip(&taps).map(|tap| weighed(tap, z)).sum::<f64>() / all_weights;
                 let report = BoundReport::of_ray(ray, &mean, depths, own, bound, envelope);
                 visit(report, depths, own);
             }

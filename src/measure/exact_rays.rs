@@ -79,24 +79,34 @@ pub fn tested_range<'a>(
     }
 }
 
-/// Returns the offsets from a shadow map texel's centre to the light rays that its pre-filter averages, in texels.
-pub fn tap_offsets(taps: Taps) -> Vec<DVec2> {
+/// Returns the offsets from a shadow map texel's centre to the light rays that a query averages there, in texels, each
+/// with its weight. Weights need not add up to 1.
+pub fn tap_offsets(taps: Taps) -> Vec<(DVec2, f64)> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);
         let at = move |i: u32| DVec2::new(f64::from(i % n) - half, f64::from(i / n) - half) * spacing;
         (0..n * n).map(at).collect::<Vec<_>>()
     };
-    match taps {
+    let equal = |offsets: Vec<DVec2>| offsets.into_iter().map(|offset| (offset, 1.0)).collect();
+    equal(match taps {
         Taps::Within(9) => grid(3, 1.0 / 3.0),
         Taps::Within(5) => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
         Taps::Within(_) => vec![DVec2::ZERO],
         Taps::Texels(side) => grid(side, 1.0),
-    }
+        Taps::Around(filter, rays) => {
+            let weights = filter.weights(0.0);
+            let weight = |at: DVec2| weights[(at.x + 1.0) as usize] * weights[(at.y + 1.0) as usize];
+            let within = tap_offsets(Taps::Within(rays));
+            let texel = |at: DVec2| within.iter().map(move |(offset, _)| (at + offset, weight(at)));
+            return grid(3, 1.0).into_iter().flat_map(texel).collect();
+        }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shadow::Filter;
 
     #[test]
     fn taps_are_spread_evenly_around_the_centre() {
@@ -106,12 +116,25 @@ mod tests {
             (Taps::Within(9), 9, 1.0 / 3.0),
             (Taps::Texels(1), 1, 0.0),
             (Taps::Texels(3), 9, 1.0),
+            (Taps::Around(Filter::Pcf, 1), 9, 1.0),
+            (Taps::Around(Filter::Gauss, 5), 45, 1.25),
         ] {
-            let offsets = tap_offsets(taps);
+            let offsets: Vec<DVec2> = tap_offsets(taps).into_iter().map(|(offset, _)| offset).collect();
             assert_eq!(offsets.len(), count);
             assert!(offsets.iter().sum::<DVec2>().length() < 1e-12);
             let farthest = offsets.iter().map(|o| o.abs().max_element()).fold(0.0, f64::max);
             assert!((farthest - reach).abs() < 1e-12, "{taps:?}");
         }
+    }
+
+    /// At a texel centre, the filters average three columns: equally, or by a Gaussian that ends at two texels.
+    #[test]
+    fn wide_filters_have_known_weights() {
+        let weights = |filter| tap_offsets(Taps::Around(filter, 1)).into_iter().map(|tap| tap.1).collect();
+        let (equal, gauss): (Vec<f64>, Vec<f64>) = (weights(Filter::Pcf), weights(Filter::Gauss));
+        assert!(equal.iter().all(|weight| (weight - 1.0 / 9.0).abs() < 1e-12), "{equal:?}");
+        let side = (0.606_530_66 - 0.135_335_28) / (1.0 - 0.135_335_28);
+        assert!((gauss[3] / gauss[4] - side).abs() < 1e-7 && gauss[3] == gauss[1], "{gauss:?}");
+        assert!((gauss.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{gauss:?}");
     }
 }

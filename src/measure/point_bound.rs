@@ -91,8 +91,9 @@ impl PointTest<'_> {
         bound: Bound,
     ) -> Vec<Cell<'f>> {
         let texel = |at: DVec2| -> Texel<'f> {
-            let rays =
-                tap_offsets(self.taps).into_iter().map(|offset| LightRay::new(space, light, at + offset));
+            let rays = tap_offsets(self.taps)
+                .into_iter()
+                .map(|(offset, _)| LightRay::new(space, light, at + offset));
             rays.map(|ray| (ray, ExactRay::new(field, ray))).collect()
         };
         let centre = |[column, row]: [u32; 2]| DVec2::new(f64::from(column), f64::from(row));

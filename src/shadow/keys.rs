@@ -1,5 +1,6 @@
 //! Settings (keys) that several shadow methods share, with the types of their values.
 
+use super::filter::Filter;
 use super::settings::{Key, When, choices};
 use crate::field::{MapShape, March};
 
@@ -89,26 +90,17 @@ choices! {
 }
 
 impl Fit {
-    /// Returns the description of a shadow map: texels per side (`None`: chosen from the scene), covered region, way
-    /// of marching light rays, and length of the march before a query (smallest voxel spacings).
-    pub fn shape(self, texels: Option<u32>, march: March, near: f64) -> MapShape {
-        MapShape { texels, fits_view: self == Self::View, reach: 1, march, near }
+    /// Returns the description of a shadow map: texels per side (`None`: chosen from the scene), covered region,
+    /// filter of texels, way of marching light rays, and length of the march before a query (smallest voxel spacings).
+    pub fn shape(self, texels: Option<u32>, filter: Filter, march: March, near: f64) -> MapShape {
+        let reach = if filter.is_wide() { 2 } else { 1 };
+        MapShape { texels, fits_view: self == Self::View, reach, border: reach, march, near }
     }
 }
 
 /// Setting `fit`: region that a shadow map covers, the visible part of the volume or all of it.
 pub(super) const FIT_KEY: Key =
     Key::choice(Fit::NAMES, "view", "extent of the map: the visible part of the volume, or all of it");
-
-choices! {
-    /// Interpolation between the texels of a shadow map: nearest or bilinear.
-    pub enum Filter {
-        /// Reads the shadow map texel that is nearest to the point.
-        Nearest = "nearest",
-        /// Interpolates between the four shadow map texels around the point.
-        Bilinear = "bilinear",
-    }
-}
 
 choices! {
     /// Whether neighbouring samples of a camera ray share one transmittance query of the shadow map, or each makes
@@ -150,13 +142,15 @@ pub(super) const LOOKUP_KEY: Key = Key::choice(
     "queries for transmittance along eye rays: one for up to four samples, or one for each",
 );
 
-/// Setting `filter`: interpolation between shadow map texels, nearest or bilinear.
+/// Setting `filter`: filter of shadow map texels. The search keeps to the two that do not blur; the frozen benchmark
+/// relies on it.
 pub(super) const FILTER_KEY: Key = Key::choice(
     Filter::NAMES,
     "bilinear",
-    "texels read for a point: the nearest, or four with bilinear weights",
+    "texels read for a point: the nearest, four with bilinear weights, or 4 x 4 (gauss: Gaussian weights; pcf: \
+     percentage-closer filtering)",
 )
-.search_all();
+.search(&["nearest", "bilinear"]);
 
 choices! {
     /// Whether the four texels around a point are aligned at their first depths before they are averaged.
@@ -175,7 +169,7 @@ pub(super) const ALIGN_KEY: Key = Key::choice(
     "off",
     "texels around a point are aligned at the depths where their matter begins (filter=bilinear)",
 )
-.when(When::Unless("filter", "nearest"));
+.when(When::UnlessAny(&[("filter", "nearest"), ("filter", "gauss"), ("filter", "pcf")]));
 
 /// Name of the setting for the length of the march towards the light before a query of the shadow map.
 pub(super) const NEAR: &str = "near";
@@ -212,7 +206,7 @@ macro_rules! settings {
                 /// Region that the shadow map covers: the bricks (blocks of voxels) with extinction that the camera
                 /// sees, or all bricks with extinction.
                 fit: $crate::shadow::keys::Fit = $crate::shadow::keys::FIT_KEY,
-                /// Interpolation between the shadow map texels around a point: nearest or bilinear.
+                /// Filter of the shadow map texels around a point.
                 filter: $crate::shadow::Filter = $crate::shadow::keys::FILTER_KEY,
                 /// Length of the march from a point towards the light before a query of the shadow map, in smallest
                 /// voxel spacings; 0 for none.
@@ -224,7 +218,8 @@ macro_rules! settings {
         impl $name {
             /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
             pub(super) fn shape(&self) -> $crate::field::MapShape {
-                self.fit.shape(self.map, self.from.march(self.march, self.step), self.from.near(self.near))
+                let march = self.from.march(self.march, self.step);
+                self.fit.shape(self.map, self.filter, march, self.from.near(self.near))
             }
         }
     };

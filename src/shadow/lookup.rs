@@ -1,6 +1,7 @@
 //! Shader code of transmittance queries.
 
-use super::keys::{Align, Filter, Lookups};
+use super::filter::{Filter, GAUSS_SIGMA};
+use super::keys::{Align, Lookups};
 use crate::field::{LightSpace, marches_cells, marches_samples};
 use crate::gpu::{Constant, ShaderVariant};
 
@@ -38,6 +39,12 @@ impl Lookup {
         Self { shader, module: "shadow/enclosed.wgsl" }
     }
 
+    /// Adds preprocessor definitions.
+    #[must_use]
+    pub(super) fn defs(self, defs: impl IntoIterator<Item = &'static str>) -> Self {
+        Self { shader: self.shader.defs(defs), ..self }
+    }
+
     /// Adds a march from the point towards the light, `near` smallest voxel spacings long, before the query of the
     /// shadow method; none if `near` is 0.
     #[must_use]
@@ -48,7 +55,7 @@ impl Lookup {
     /// Sets whether neighbouring samples of a camera ray share one transmittance query.
     #[must_use]
     pub fn with_lookup_mode(self, samples: Lookups) -> Self {
-        Self { shader: self.shader.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")), ..self }
+        self.defs((samples == Lookups::Each).then_some("LOOKUP_EACH"))
     }
 
     /// Whether each sample of a camera ray has a transmittance query of its own.
@@ -74,12 +81,22 @@ impl Lookup {
 }
 
 impl ShaderVariant {
-    /// Adds the alignment of the four texels around a point at their first depths, for a query that filters texels
-    /// in this way. The module of the query follows.
+    /// Adds the filter of texels around a point, which interpolates means of `kernel x kernel` texels, and the
+    /// alignment of four texels at their first depths. The module of the query follows.
     #[must_use]
-    pub(super) fn with_alignment(self, align: Align, filter: Filter) -> Self {
-        let steepest = Constant::float("STEEPEST_SURFACE", STEEPEST_SURFACE);
-        let is_on = align == Align::On && filter == Filter::Bilinear;
-        self.modules(&["shadow/align.wgsl"]).constants(&[steepest]).defs(is_on.then_some("ALIGN"))
+    pub(super) fn with_filter(self, filter: Filter, kernel: u32, align: Align) -> Self {
+        let constants = [
+            Constant::unsigned("TAPS_ACROSS", filter.taps_across(kernel)),
+            Constant::float("GAUSS_SIGMA", GAUSS_SIGMA as f32),
+            Constant::float("STEEPEST_SURFACE", STEEPEST_SURFACE),
+        ];
+        let def = match filter {
+            Filter::Bilinear => Some("FILTER_BILINEAR"),
+            Filter::Gauss => Some("FILTER_GAUSS"),
+            Filter::Nearest | Filter::Pcf => None,
+        };
+        let is_aligned = align == Align::On && filter == Filter::Bilinear;
+        let shader = self.modules(&["shadow/taps.wgsl", "shadow/align.wgsl"]).constants(&constants);
+        shader.defs(def).defs(is_aligned.then_some("ALIGN"))
     }
 }

@@ -2,6 +2,7 @@
 //! bound.
 
 use super::bound::Bound;
+use super::filter::Taps;
 use super::keys::{ESTIMATOR, FROM, MAP, MARCH, NEAR, SEED};
 use super::lookup::Lookup;
 use super::published::Published;
@@ -316,15 +317,6 @@ impl Curve {
         let marches = near != Value::Number(0.0) && spec.value(FROM) != Some(Value::Choice("lines"));
         if marches { Self::Stays } else { Self::Falls }
     }
-}
-
-/// Light rays whose mean transmittance is the result of a query at the centre of a shadow map texel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Taps {
-    /// Light rays within one shadow map texel: 1, 5 or 9 of them (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
-    Within(u32),
-    /// Light rays through the centres of `n x n` neighbouring shadow map texels, given `n`.
-    Texels(u32),
 }
 
 /// Shadow map (or other shadow data structure) built for one light.

@@ -21,6 +21,7 @@ mod bound;
 mod clusters;
 mod dom;
 mod dsm;
+mod filter;
 mod fourier;
 #[cfg(feature = "half")]
 mod half;
@@ -47,17 +48,18 @@ pub use bound::Bound;
 pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
+pub use filter::{Filter, Taps};
 pub use fourier::{Damping, FourierOpacityMap, SeriesRange};
-pub use keys::{Filter, Lookups};
+pub use keys::Lookups;
 pub use layered::{Average, LayerSplit, Measure};
 pub use lightvolume::{LightBuild, LightVolume};
 pub use lookup::Lookup;
 pub use method::{
-    BuildReport, Curve, Enclosure, Entry, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
+    BuildReport, Curve, Enclosure, Entry, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice,
 };
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
-pub use osm::{OpacityShadowMap, Slicing};
+pub use osm::{Between, OpacityShadowMap, Slicing};
 pub use published::Published;
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};

@@ -68,8 +68,8 @@ pub enum When {
     /// The setting of a shadow method has an effect unless another setting (first text) has a value (second text); it
     /// is ignored then.
     Unless(&'static str, &'static str),
-    /// The setting of a shadow method has an effect unless one of two other settings has the value listed with it.
-    UnlessEither([(&'static str, &'static str); 2]),
+    /// The setting of a shadow method has an effect unless one of several other settings has the value listed with it.
+    UnlessAny(&'static [(&'static str, &'static str)]),
 }
 
 /// Description of one setting of a shadow method: name, allowed values, default and help.
@@ -202,7 +202,7 @@ pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
         When::Always => true,
         When::Is(other, wanted) => is(other, wanted),
         When::Unless(other, wanted) => !is(other, wanted),
-        When::UnlessEither(cases) => !cases.into_iter().any(|(other, wanted)| is(other, wanted)),
+        When::UnlessAny(cases) => !cases.iter().any(|(other, wanted)| is(other, wanted)),
     }
 }
 

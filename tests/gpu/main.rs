@@ -18,6 +18,7 @@ mod enclosure;
 mod estimators;
 mod exact_pictures;
 mod fair;
+mod filters;
 mod folded;
 mod forced;
 mod golden;

@@ -16,7 +16,7 @@ fn chest() -> (Volume, ActiveBricks) {
 }
 
 fn shape(texels: u32) -> MapShape {
-    MapShape { texels: Some(texels), fits_view: true, reach: 1, march: March::Cells, near: 0.0 }
+    MapShape { texels: Some(texels), fits_view: true, reach: 1, border: 1, march: March::Cells, near: 0.0 }
 }
 
 fn lights(volume: &Volume) -> [(Projection, Light); 5] {

@@ -25,6 +25,10 @@ const ACCEPTED: &[(&str, &[&str])] = &[
         ],
     ),
     ("osm:kernel=3,bits=16,filter=nearest,map=64", &["layers=32 kernel=3 bits=16 filter=nearest"]),
+    ("osm:between=cubic,filter=gauss", &["layers=32 between=cubic filter=gauss"]),
+    // The mean of `filter=pcf` is that of transmittance, over 3 x 3 texels.
+    ("osm:kernel=3,filter=pcf,average=depth", &["layers=32 filter=pcf"]),
+    ("dsm:filter=gauss,pcf,align=on", &["epsilon=0.02 filter=gauss", "epsilon=0.02 filter=pcf"]),
     ("dom", &["layers=15"]),
     (
         "dom:layers=3,7,beyond=extend,ignore,cover",
@@ -98,10 +102,13 @@ const REFUSED: &[(&str, &str)] = &[
     ("osm:kernel=2", "expected 1|3"),
     ("osm:bits=24", "expected 8|16|32"),
     ("osm:map=0", "expected auto|1..8192"),
-    ("osm:filter=linear", "expected nearest|bilinear"),
+    ("osm:filter=linear", "expected nearest|bilinear|gauss|pcf"),
+    ("osm:between=spline", "expected linear|cubic"),
+    ("dom:between=cubic", "there is: layers, split"),
+    ("lightvolume:filter=pcf", "there is: scale, build"),
     (
         "osm:epsilon=0.1",
-        "there is: layers, slicing, kernel, bits, from, march, step, map, fit, filter, near, average, lookup",
+        "there is: layers, slicing, kernel, between, bits, from, march, step, map, fit, filter, near, average, lookup",
     ),
     ("dom:layers=0", "dom:layers=0): expected 1..512"),
     ("dom:spread=0", "expected 0.001..1"),

@@ -14,7 +14,7 @@ use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
 /// Settings of shadow methods whose code is independent of the other settings: each is tried with their defaults.
-const ALONE: [&str; 5] = ["lookup", "average", "march", "compress", "from"];
+const ALONE: [&str; 7] = ["lookup", "average", "march", "compress", "from", "kernel", "between"];
 
 /// Tunings of shaders: for software adapters, for those in a window, and for graphics cards.
 const TUNINGS: [Tuning; 3] =
@@ -44,7 +44,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
     let mut specs: Vec<String> = alone.collect();
     if entry.keys.iter().any(|k| k.name == "near") {
-        specs.push(format!("{}:near=0,4,filter=nearest,bilinear", entry.name));
+        specs.push(format!("{}:near=0,4,filter=nearest,bilinear,gauss,pcf", entry.name));
     }
     // One value at a time, since a list has a largest length.
     match keys.pop() {

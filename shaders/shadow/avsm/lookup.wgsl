@@ -14,7 +14,8 @@ fn first_depth(texel: vec2<u32>) -> f32 {
     return select(light.depth_start_mm + pair.x * light.depth_range_mm, NO_DEPTH, is_empty);
 }
 
-fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
+fn texel_transmittance(place: vec2<f32>, z: f32) -> f32 {
+    let texel = vec2<u32>(place);
     let share = (z - light.depth_start_mm) / light.depth_range_mm;
     // Before the first node the transmittance is 1. A texel without nodes holds zeros.
     var before = vec2<f32>(-1.0, 1.0);

@@ -38,9 +38,9 @@ fn first_depth(texel: vec2<u32>) -> f32 {
     return first;
 }
 
-fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
+fn texel_transmittance(place: vec2<f32>, z: f32) -> f32 {
     let share = (z - light.depth_start_mm) / light.depth_range_mm;
-    var numbers = numbers_of(texel);
+    var numbers = numbers_of(vec2<u32>(place));
     var depth = 0.0;
     for (var c = 0u; c < CLUSTERS; c++) {
         let half = max(REACH * numbers[3u * c + 1u], THINNEST);

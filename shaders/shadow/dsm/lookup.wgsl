@@ -5,6 +5,7 @@
 #import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::wrapped_texel
 #import umbravox::dsm_directory::{head_of, heads_around, NO_HEAD}
+#import umbravox::taps::{TAPS, taps_around, tap_at, four_weights}
 #ifdef ALIGN
 #import umbravox::align::alignment
 #endif
@@ -85,14 +86,13 @@ struct Corners {
 
 // Returns the texels around a position on the map and a depth in steps.
 fn corners_around(texel: vec2<f32>, step: f32) -> Corners {
-    let base = vec2<i32>(floor(texel));
-    let w = texel - vec2<f32>(base);
-    let heads = heads_around(base);
+    let taps = taps_around(texel);
+    let heads = heads_around(taps.corner);
     let a = first_nodes(heads.x);
     let b = first_nodes(heads.y);
     let c = first_nodes(heads.z);
     let d = first_nodes(heads.w);
-    let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
+    let weights = four_weights(taps);
 #ifdef ALIGN
     let starts = vec4<u32>(a.x, b.x, c.x, d.x) >> vec4<u32>(16u);
     let mm_per_step = 1.0 / params.depth_steps_per_mm;
@@ -145,8 +145,14 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let around = corners_around(p.texel, step);
     return dot(around.weights, corner_transmittances(around, around.shift));
 #else
-    let first = first_nodes(head_of(wrapped_texel(vec2<i32>(round(p.texel)))));
-    return texel_transmittance(first, clamp(step, 0.0, LAST_STEP));
+    let taps = taps_around(p.texel);
+    var sum = 0.0;
+    for (var i = 0u; i < TAPS; i++) {
+        let tap = tap_at(taps, i);
+        let first = first_nodes(head_of(wrapped_texel(tap.texel)));
+        sum += tap.weight * texel_transmittance(first, clamp(step, 0.0, LAST_STEP));
+    }
+    return sum;
 #endif
 }
 

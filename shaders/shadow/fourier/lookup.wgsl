@@ -1,15 +1,23 @@
-// `fourier`: query of the transmittance from Fourier coefficients of extinction along the light (Jansen & Bavoil
-// 2010): it integrates their series from the light to a depth.
-#define_import_path umbravox::method
+// `fourier`: transmittance from Fourier coefficients of extinction along the light (Jansen & Bavoil 2010). It integrates
+// their series from the light to a depth; with `range=texel` a series covers the depth range of a texel's matter.
+#define_import_path umbravox::texel_curve
 
-#import umbravox::light::{light, light_point}
-#import umbravox::vectors_read::atlas_point
+#import umbravox::light::light
+#ifdef TEXEL_RANGE
+#import umbravox::vectors_read::filtered_vector
+#import umbravox::fourier_series::{TERMS, series_depth}
+#else
 #import umbravox::fourier_series::series_depth
+#endif
 
-// Returns the transmittance from the light to a grid-space point.
-fn transmittance(g: vec3<f32>) -> f32 {
-    let p = light_point(g);
-    let point = atlas_point(p);
-    if point.lit { return 1.0; }
-    return exp(-series_depth(point, (p.z - light.depth_start_mm) / light.depth_range_mm));
+fn texel_transmittance(place: vec2<f32>, z: f32) -> f32 {
+    let share = (z - light.depth_start_mm) / light.depth_range_mm;
+#ifdef TEXEL_RANGE
+    let last = filtered_vector(place, (TERMS + 1u) / 2u);
+    let range = select(last.xy, last.zw, (TERMS & 1u) == 0u);
+    // A texel without matter has no range.
+    return select(1.0, exp(-series_depth(place, (share - range.x) / max(range.y, 1e-30))), range.y > 0.0);
+#else
+    return exp(-series_depth(place, share));
+#endif
 }

@@ -2,36 +2,21 @@
 #define_import_path umbravox::fourier_series
 
 #import umbravox::vectors::VECTORS
-#ifdef TEXEL_RANGE
-#import umbravox::vectors_read::vector_at
-#else
-#import umbravox::vectors_read::{AtlasPoint as SeriesPoint, filtered_vector as series_vector}
-#endif
+#import umbravox::vectors_read::filtered_vector
 
 const TERMS: u32 = #{TERMS};
 const TAU: f32 = 6.28318530717959;
 
-#ifdef TEXEL_RANGE
-// Series over the range of each texel cannot be averaged: each is read at its texel.
-struct SeriesPoint {
-    texel: vec2<u32>,
-}
-
-fn series_vector(point: SeriesPoint, v: u32) -> vec4<f32> {
-    return vector_at(point.texel, v);
-}
-#endif
-
-// Returns the optical depth from the light to a fraction of the series' depth range.
-fn series_depth(at: SeriesPoint, share: f32) -> f32 {
+// Returns the optical depth at an atlas position from the light to a fraction of the series' depth range.
+fn series_depth(place: vec2<f32>, share: f32) -> f32 {
     let s = clamp(share, 0.0, 1.0);
     let rotation = vec2<f32>(cos(TAU * s), sin(TAU * s));
     var wave = rotation;
-    let first = series_vector(at, 0u);
+    let first = filtered_vector(place, 0u);
     // Integrals of the terms: a_k sin(2 pi k s) + b_k (1 - cos(2 pi k s)), each divided by 2 pi k.
     var waves = weight(1u) * (first.z * wave.y + first.w * (1.0 - wave.x));
     for (var v = 1u; v < VECTORS; v++) {
-        let pair = series_vector(at, v);
+        let pair = filtered_vector(place, v);
         for (var i = 0u; i < 2u; i++) {
             wave = vec2<f32>(wave.x * rotation.x - wave.y * rotation.y, wave.x * rotation.y + wave.y * rotation.x);
             let k = 2u * v + i;

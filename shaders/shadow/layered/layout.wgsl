@@ -36,10 +36,6 @@ struct Params {
     // Largest optical depth of a piece at transmittance 1 whose chord stays within the tolerance; it limits pieces
     // that contain a plane.
     longest_depth: f32,
-    padding: f32,
-    // Side of the averaged square of texels, and side of the square that a shadow query reads.
-    kernel: u32,
-    filter_side: u32,
     // Largest stored optical depth. It also represents larger ones, so that means of neighbouring texels stay in
     // order.
     max_depth: f32,

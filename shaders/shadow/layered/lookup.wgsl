@@ -4,6 +4,7 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::tile_table::{record_of, records_around, wrapped_texel}
+#import umbravox::taps::{TAPS, taps_around, tap_at, four_weights}
 #ifdef ALIGN
 #import umbravox::align::alignment
 #endif
@@ -21,11 +22,10 @@ fn transmittance(g: vec3<f32>) -> f32 {
     // Nothing with extinction lies outside the map.
     let last = f32(light.map_size) - 0.5;
     if any(p.texel < vec2<f32>(-0.5)) || any(p.texel > vec2<f32>(last)) { return 1.0; }
+    let taps = taps_around(p.texel);
 #ifdef FILTER_BILINEAR
-    let base = vec2<i32>(floor(p.texel));
-    let w = p.texel - vec2<f32>(base);
-    let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
-    let records = records_around(base);
+    let weights = four_weights(taps);
+    let records = records_around(taps.corner);
     let at_a = extent_of(records.x);
     let at_b = extent_of(records.y);
     let at_c = extent_of(records.z);
@@ -48,8 +48,21 @@ fn transmittance(g: vec3<f32>) -> f32 {
     return exp(-dot(weights, depths));
 #endif
 #else
-    let record = record_of(wrapped_texel(vec2<i32>(round(p.texel))));
-    let extent = extent_of(record);
-    return exp(-texel_depth(record, extent, p.z));
+    var sum = 0.0;
+    for (var i = 0u; i < TAPS; i++) {
+        let tap = tap_at(taps, i);
+        let record = record_of(wrapped_texel(tap.texel));
+        let depth = texel_depth(record, extent_of(record), p.z);
+#ifdef AVERAGE_TRANSMITTANCE
+        sum += tap.weight * exp(-depth);
+#else
+        sum += tap.weight * depth;
+#endif
+    }
+#ifdef AVERAGE_TRANSMITTANCE
+    return sum;
+#else
+    return exp(-sum);
+#endif
 #endif
 }

@@ -73,15 +73,17 @@ fn slot_value(words: vec4<u32>, slot: u32) -> f32 {
 #endif
 }
 
+// Returns the optical depth of a texel's record at plane k.
+fn plane_depth(record: u32, k: u32) -> f32 {
+    // Plane 0 has optical depth 0 and no slot; plane k is in the k-th slot.
+    let slot = params.first_slot + max(k, 1u) - 1u;
+    count_work(LOADS, 1u);
+    let words = textureLoad(records, block_texel(record, slot >> params.block_slot_shift), 0);
+    return select(slot_value(words, slot), 0.0, k == 0u);
+}
+
 // Returns the optical depth of a texel's record, linear between the planes.
 fn optical_depth_at(record: u32, point: LayerPoint) -> f32 {
     if record == NO_TILE { return 0.0; }
-    // Plane 0 has optical depth 0 and no slot; plane k is in the k-th slot.
-    let high = params.first_slot + point.k;
-    let low = max(high, 1u) - 1u;
-    count_work(LOADS, 2u);
-    let low_words = textureLoad(records, block_texel(record, low >> params.block_slot_shift), 0);
-    let high_words = textureLoad(records, block_texel(record, high >> params.block_slot_shift), 0);
-    let before = select(slot_value(low_words, low), 0.0, point.k == 0u);
-    return mix(before, slot_value(high_words, high), point.weight);
+    return mix(plane_depth(record, point.k), plane_depth(record, point.k + 1u), point.weight);
 }

@@ -1,8 +1,7 @@
-// `moments`: query of the transmittance from moments of the matter along the light (Muenstermann et al. 2018).
-#define_import_path umbravox::method
+// `moments`: transmittance from moments of the matter along the light (Muenstermann et al. 2018).
+#define_import_path umbravox::texel_curve
 
-#import umbravox::light::{light, light_point}
-#import umbravox::vectors_read::atlas_point
+#import umbravox::light::light
 #import umbravox::moment_vectors::moments_of
 #import umbravox::moment_share::share_before
 
@@ -18,15 +17,13 @@ fn transmittance_behind(mass: f32) -> f32 {
 #endif
 }
 
-// Returns the transmittance from the light to a grid-space point.
-fn transmittance(g: vec3<f32>) -> f32 {
-    let p = light_point(g);
-    let point = atlas_point(p);
-    if point.lit { return 1.0; }
-    let moments = moments_of(point);
+fn texel_transmittance(place: vec2<f32>, z: f32) -> f32 {
+    let moments = moments_of(place);
     let mass = moments.first.x;
-    if mass <= LEAST_MASS { return 1.0; }
-    let share = (p.z - light.depth_start_mm) / light.depth_range_mm;
-    if share >= 1.0 { return transmittance_behind(mass); }
-    return transmittance_behind(mass * share_before(moments.first, moments.second, moments.third, share));
+    let share = (z - light.depth_start_mm) / light.depth_range_mm;
+    var before = mass;
+    if mass > LEAST_MASS && share < 1.0 {
+        before = mass * share_before(moments.first, moments.second, moments.third, share);
+    }
+    return select(transmittance_behind(before), 1.0, mass <= LEAST_MASS);
 }

@@ -6,7 +6,8 @@
 #define_import_path umbravox::moment_vectors
 
 #import umbravox::vectors::VECTORS
-#import umbravox::vectors_read::{AtlasPoint, words_at}
+#import umbravox::taps::{TAPS, taps_around, tap_at}
+#import umbravox::vectors_read::words_at
 
 struct Moments {
     // Optical depth (or absorbed light), then each moment times it.
@@ -51,22 +52,20 @@ fn moments_at(texel: vec2<u32>) -> Moments {
     );
 }
 
-fn moments_of(point: AtlasPoint) -> Moments {
-#ifdef FILTER_BILINEAR
-    let base = floor(point.texel);
-    let w = point.texel - base;
+fn moments_of(place: vec2<f32>) -> Moments {
+#ifdef AVERAGE_VECTORS
+    let taps = taps_around(place);
     var sum = Moments(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
     // A loop, so that the code of the read stands in the program once.
-    for (var i = 0u; i < 4u; i++) {
-        let corner = vec2<u32>(i & 1u, i >> 1u);
-        let sides = select(1.0 - w, w, corner == vec2<u32>(1u));
-        let here = moments_at(vec2<u32>(base) + corner);
-        sum.first += sides.x * sides.y * here.first;
-        sum.second += sides.x * sides.y * here.second;
-        sum.third += sides.x * sides.y * here.third;
+    for (var i = 0u; i < TAPS; i++) {
+        let tap = tap_at(taps, i);
+        let here = moments_at(vec2<u32>(tap.texel));
+        sum.first += tap.weight * here.first;
+        sum.second += tap.weight * here.second;
+        sum.third += tap.weight * here.third;
     }
     return sum;
 #else
-    return moments_at(vec2<u32>(round(point.texel)));
+    return moments_at(vec2<u32>(place));
 #endif
 }

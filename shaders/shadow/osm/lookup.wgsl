@@ -3,54 +3,48 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::tile_table::{record_of, wrapped_texel}
+#import umbravox::taps::{TAPS, TAPS_ACROSS, taps_around, tap_at}
 #import umbravox::layers::params
-#import umbravox::layers_read::{layer_point, optical_depth_at}
-
-// Returns the weight of column or row i of a filter of `side` columns and rows. The point lies `w` past the centre of
-// the middle one.
-fn tap_weight(i: u32, side: u32, w: f32) -> f32 {
-#ifdef FILTER_BILINEAR
-    // The mean of side - 1 texels, interpolated between the two nearest positions.
-    return select(select(1.0, w, i + 1u == side), 1.0 - w, i == 0u) / f32(side - 1u);
+#import umbravox::layers_read::layer_point
+#ifdef CUBIC
+#import umbravox::cubic_layers::{cubic_point, cubic_depth_at as optical_depth_at}
 #else
-    return 1.0 / f32(side);
+#import umbravox::layers_read::optical_depth_at
 #endif
-}
+
+// Distance from the centres of the outermost texels up to which a query reads them, in texels: half an odd number of
+// texels.
+const MARGIN: f32 = f32((TAPS_ACROSS + 1u) / 2u) - 0.5;
 
 // Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    let side = params.filter_side;
     // Nothing with extinction lies outside the map.
-    let margin = 0.5 * f32(params.kernel);
-    let last = f32(light.map_size) - 1.0 + margin;
+    let last = f32(light.map_size) - 1.0 + MARGIN;
     // Nothing with extinction lies in front of the map's depth range, where the position of a point light has no
     // texel.
     if p.z <= light.depth_start_mm { return 1.0; }
-    if !(all(p.texel >= vec2<f32>(-margin)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
+    if !(all(p.texel >= vec2<f32>(-MARGIN)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
     // All texels share the same planes.
-    let point = layer_point(0u, light.depth_start_mm, light.depth_start_mm + params.reach_mm, p.z);
-#ifdef FILTER_BILINEAR
-    let base = floor(p.texel);
+    let layer = layer_point(0u, light.depth_start_mm, light.depth_start_mm + params.reach_mm, p.z);
+#ifdef CUBIC
+    let point = cubic_point(layer);
 #else
-    let base = round(p.texel);
+    let point = layer;
 #endif
-    let w = p.texel - base;
-    let corner = vec2<i32>(base) - i32((params.kernel - 1u) / 2u);
+    let taps = taps_around(p.texel);
     var sum = 0.0;
     var i = 0u;
     loop {
-        let at = vec2<u32>(i % side, i / side);
-        let record = record_of(wrapped_texel(corner + vec2<i32>(at)));
-        let depth = optical_depth_at(record, point);
-        let weight = tap_weight(at.x, side, w.x) * tap_weight(at.y, side, w.y);
+        let tap = tap_at(taps, i);
+        let depth = optical_depth_at(record_of(wrapped_texel(tap.texel)), point);
 #ifdef AVERAGE_TRANSMITTANCE
-        sum += weight * exp(-depth);
+        sum += tap.weight * exp(-depth);
 #else
-        sum += weight * depth;
+        sum += tap.weight * depth;
 #endif
         i += 1u;
-        if i >= side * side { break; }
+        if i >= TAPS { break; }
     }
 #ifdef AVERAGE_TRANSMITTANCE
     return sum;

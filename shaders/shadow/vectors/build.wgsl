@@ -5,26 +5,27 @@
 #import umbravox::work::{add_divergence, add_work}
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::{TILE, NO_TILE}
-#import umbravox::vectors::{VECTORS, TILE_SIDE, tile_corner, first_record}
+#import umbravox::vectors::{VECTORS, TILE_MARGIN, TILE_SIDE, tile_corner, first_record}
 #import umbravox::march::march
 #import umbravox::sink::{start_sink, finish, met_extinction, stored_vector}
 
 // Number of texels whose ray meets extinction.
 @group(2) @binding(2) var<storage, read_write> texels_hit: atomic<u32>;
 
-// Stores the vectors of a texel in every tile that contains it or has it in its margin. The texel may lie one texel
-// outside the map.
+// Stores the vectors of a texel in every tile that contains it or has it in its margin. The texel may lie outside the
+// map.
 fn store_at(texel: vec2<i32>) {
     let side = i32(TILE);
+    let margin = i32(TILE_MARGIN);
     let home = texel >> vec2<u32>(#{TILE_SHIFT});
     for (var i = 0; i < 9; i++) {
         let tile = home + vec2<i32>(i % 3, i / 3) - 1;
         let inside = texel - tile * side;
-        let stored = all(inside >= vec2<i32>(-1)) && all(inside <= vec2<i32>(side));
+        let stored = all(inside >= vec2<i32>(-margin)) && all(inside < vec2<i32>(side + margin));
         if stored && all(tile >= vec2<i32>(0)) && all(tile < vec2<i32>(i32(light.tiles_across))) {
             let first = first_record(vec2<u32>(tile));
             if first != NO_TILE {
-                let corner = tile_corner(first) + vec2<u32>(inside + 1);
+                let corner = tile_corner(first) + vec2<u32>(inside + margin);
                 for (var v = 0u; v < VECTORS; v++) {
                     textureStore(atlas, corner + vec2<u32>(0u, v * TILE_SIDE), stored_vector(v));
                 }
@@ -74,16 +75,19 @@ fn build(
     finish();
     if met_extinction() {
         atomicAdd(&texels_hit, 1u);
-        // Texels outside the map repeat its edge; an octahedral map continues at the mirrored position on the same
+        // Texels outside the map repeat its edge; an octahedral map continues at the mirrored position behind the same
         // edge.
         let texel = vec2<i32>(here.texel);
         let last = i32(light.map_size) - 1;
         let octahedral = light.projection == OCTAHEDRAL;
-        for (var i = 0; i < 9; i++) {
-            let step = vec2<i32>(i % 3, i / 3) - 1;
-            let leaves = (step != vec2<i32>(0)) & (texel == select(vec2<i32>(0), vec2<i32>(last), step > vec2<i32>(0)));
-            if all(leaves | (step == vec2<i32>(0))) {
-                let neighbour = texel + step;
+        let across = 2 * i32(TILE_MARGIN) + 1;
+        for (var i = 0; i < across * across; i++) {
+            let step = vec2<i32>(i % across, i / across) - i32(TILE_MARGIN);
+            let leaves = step != vec2<i32>(0);
+            let edge = select(vec2<i32>(0), vec2<i32>(last), step > vec2<i32>(0));
+            let repeated = edge + select(vec2<i32>(0), sign(step) - step, octahedral);
+            if all(!leaves | (texel == repeated)) {
+                let neighbour = select(texel, edge + step, leaves);
                 let mirrored = vec2<bool>(octahedral && leaves.y, octahedral && leaves.x);
                 store_at(select(neighbour, last - neighbour, mirrored));
             }

@@ -1,14 +1,15 @@
-// Layout of a shadow map that stores several vectors in each texel: an atlas of tiles. Each tile has a margin of one
-// texel that repeats its neighbours, so that a filter never leaves a tile. The vectors of a texel lie in planes of
-// the tile, one below the other.
+// Layout of a shadow map that stores several vectors in each texel: an atlas of tiles. Each tile has a margin that
+// repeats its neighbours, so that a filter never leaves a tile. The vectors of a texel lie in planes of the tile, one
+// below the other.
 #define_import_path umbravox::vectors
 
 #import umbravox::tile_table::{TILE, tile_table}
 #import umbravox::work::{count_work, LOADS}
 
 const VECTORS: u32 = #{VECTORS};
-// Side of a tile with its margin, texels.
-const TILE_SIDE: u32 = TILE + 2u;
+// Width of the margin, and side of a tile with its margin, texels.
+const TILE_MARGIN: u32 = #{TILE_MARGIN};
+const TILE_SIDE: u32 = TILE + 2u * TILE_MARGIN;
 
 // Parameters that all methods with vector maps share; those of one method are at binding 5.
 struct VectorMap {

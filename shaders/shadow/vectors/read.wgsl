@@ -4,7 +4,8 @@
 #import umbravox::light::{light, LightPoint}
 #import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::{TILE, NO_TILE}
-#import umbravox::vectors::{vector_map, VECTORS, TILE_SIDE, tile_corner, first_record}
+#import umbravox::vectors::{vector_map, VECTORS, TILE_MARGIN, TILE_SIDE, tile_corner, first_record}
+#import umbravox::taps::{TAPS, taps_around, tap_at}
 
 #ifdef WORDS
 @group(1) @binding(3) var atlas: texture_2d<u32>;
@@ -33,7 +34,7 @@ fn atlas_point(p: LightPoint) -> AtlasPoint {
     let first = first_record(tile);
     lit = lit || first == NO_TILE;
     let corner = tile_corner(select(first, 0u, first == NO_TILE));
-    return AtlasPoint(vec2<f32>(corner) + 1.0 + (p.texel - vec2<f32>(tile * TILE)), lit);
+    return AtlasPoint(vec2<f32>(corner) + f32(TILE_MARGIN) + (p.texel - vec2<f32>(tile * TILE)), lit);
 }
 
 #ifdef WORDS
@@ -49,22 +50,32 @@ fn vector_at(texel: vec2<u32>, v: u32) -> vec4<f32> {
     return textureLoad(atlas, texel + vec2<u32>(0u, v * TILE_SIDE), 0);
 }
 
-// Returns vector v at an atlas position, filtered over the neighbouring texels.
-fn filtered_vector(point: AtlasPoint, v: u32) -> vec4<f32> {
+// Returns vector v at an atlas position: filtered over the neighbouring texels, or that of the texel.
+fn filtered_vector(place: vec2<f32>, v: u32) -> vec4<f32> {
 #ifdef HARDWARE_FILTER
     count_work(LOADS, 1u);
     let down = vec2<f32>(0.0, f32(v * TILE_SIDE));
-    return textureSampleLevel(atlas, linear, (point.texel + down + 0.5) * vector_map.inv_size, 0.0);
+    return textureSampleLevel(atlas, linear, (place + down + 0.5) * vector_map.inv_size, 0.0);
 #else
+#ifdef AVERAGE_VECTORS
 #ifdef FILTER_BILINEAR
-    let base = floor(point.texel);
-    let w = point.texel - base;
+    let base = floor(place);
+    let w = place - base;
     let at = vec2<u32>(base);
     let near = mix(vector_at(at, v), vector_at(at + vec2<u32>(1u, 0u), v), w.x);
     let far = mix(vector_at(at + vec2<u32>(0u, 1u), v), vector_at(at + vec2<u32>(1u, 1u), v), w.x);
     return mix(near, far, w.y);
 #else
-    return vector_at(vec2<u32>(round(point.texel)), v);
+    let taps = taps_around(place);
+    var sum = vec4<f32>(0.0);
+    for (var i = 0u; i < TAPS; i++) {
+        let tap = tap_at(taps, i);
+        sum += tap.weight * vector_at(vec2<u32>(tap.texel), v);
+    }
+    return sum;
+#endif
+#else
+    return vector_at(vec2<u32>(place), v);
 #endif
 #endif
 }

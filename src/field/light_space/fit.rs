@@ -149,7 +149,7 @@ impl LightSpace {
             Projection::Octahedral => 0.0,
             _ if self.map_size < MapShape::LEAST_WITH_BORDER => 0.0,
             _ if self.region.is_some() => f64::from(self.shape.reach),
-            _ => 1.0,
+            _ => f64::from(self.shape.border),
         };
         self.texel_scale = DVec2::splat(size - 2.0 * border) / region.size();
         self.texel_offset = DVec2::splat(border - 0.5) - region.lo * self.texel_scale;

@@ -255,7 +255,14 @@ mod tests {
         let volume = Phantom::Slab.build(24).unwrap();
         let tf = TransferFunction::new(Quantity::Extinction, &[(-1e9, 0.1), (1e9, 0.1)]);
         let active = ActiveBricks::of(volume.bricks(), &tf);
-        let shape = MapShape { texels: Some(37), fits_view: false, reach: 1, march: March::Cells, near: 0.0 };
+        let shape = MapShape {
+            texels: Some(37),
+            fits_view: false,
+            reach: 1,
+            border: 1,
+            march: March::Cells,
+            near: 0.0,
+        };
         let lights = [
             Light::Directional { toward: DVec3::new(0.3, -0.5, 0.8) },
             Light::Point { position: DVec3::new(90.0, 20.0, 40.0) },

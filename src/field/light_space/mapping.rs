@@ -18,6 +18,9 @@ pub struct MapShape {
     pub fits_view: bool,
     /// Number of texels on each side of a point that a query of the shadow map reads.
     pub reach: u32,
+    /// Number of texels beyond that of a point which a filter reads: empty ones surround the matter of a whole scene,
+    /// and tiles so far from matter are built.
+    pub border: u32,
     /// Way in which the light rays of the shadow map are marched: by cells, by samples, or by strands.
     pub march: March,
     /// Length of the march from a point towards the light before a query of the shadow map, in smallest voxel

@@ -14,8 +14,6 @@ use rayon::prelude::*;
 const PARALLEL_BRICKS: usize = 1 << 14;
 /// Number of bricks whose projections one task of a thread computes for other lights.
 const OTHER_BRICKS: usize = 1 << 10;
-/// Margin around the projection of a brick, in texels: taps of the pre-filter and rounding reach slightly beyond it.
-const MARGIN: f64 = 1.0;
 
 /// Set of tiles of a shadow map, one bit for each tile.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -99,14 +97,20 @@ impl LightSpace {
         }
         self.union_of(bricks, OTHER_BRICKS, |tiles, bricks| {
             let texels_of = self.texels_of_boxes();
-            let mark = self.marker();
+            let (mark, margin) = (self.marker(), self.margin());
             for brick in bricks {
                 let brick = brick.to_array().map(|n| n as usize);
                 let Region { lo, hi } = texels_of(GridBox::of_bricks(brick, brick, volume.dims()));
-                let [lo, hi] = [lo - MARGIN, hi + MARGIN].map(|texel| texel / f64::from(TILE));
+                let [lo, hi] = [lo - margin, hi + margin].map(|texel| texel / f64::from(TILE));
                 mark(tiles, Region { lo, hi });
             }
         })
+    }
+
+    /// Returns the margin around the projection of a brick, in texels: taps of the pre-filter, filters and rounding
+    /// reach beyond it.
+    fn margin(&self) -> f64 {
+        f64::from(self.shape.border)
     }
 
     /// Returns the union of the tiles that `add` finds for shares of the bricks, in parallel.
@@ -174,7 +178,7 @@ impl LightSpace {
         std::array::from_fn(|a| {
             let axis = frame_from_grid.matrix3.col(a).truncate() * scale;
             let (start, margin) =
-                if a == 0 { (offset, MARGIN / f64::from(TILE)) } else { (DVec2::ZERO, 0.0) };
+                if a == 0 { (offset, self.margin() / f64::from(TILE)) } else { (DVec2::ZERO, 0.0) };
             let part = |brick: usize| {
                 let [low, high] =
                     brick_box([brick; 3], [brick; 3], dims).map(|corner| start + axis * corner[a]);

@@ -20,7 +20,7 @@ use super::method::Entry;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, GREEDY, longest_depth};
-use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
+use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 use bytemuck::{Pod, Zeroable};
 
@@ -89,7 +89,7 @@ impl VectorMap for AdaptiveShadowMap {
             defs: Vec::new(),
             marches: None,
             sink: &["shadow/segments.wgsl", "shadow/avsm/nodes.wgsl", GREEDY, "shadow/avsm/sink.wgsl"],
-            lookup: &["shadow/avsm/lookup.wgsl", TRANSMITTANCE_FILTER],
+            lookup: &["shadow/avsm/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: Some(("shadow/avsm/params.wgsl", bytemuck::cast(params))),
         }

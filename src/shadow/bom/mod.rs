@@ -21,6 +21,7 @@
 //!   step between neighbouring planes is least, which bounds the error.
 //! * Depths are rounded away from the light. `filter=bilinear` works as in `dom`.
 
+use super::filter::Taps;
 use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
@@ -108,9 +109,13 @@ impl Method for BoundingOpacityMap {
     fn lookup(&self) -> Option<Lookup> {
         Some(
             self.layered_map(self.layering().any())
-                .lookup("shadow/layered/lookup.wgsl", self.align)
+                .lookup(&["shadow/layered/lookup.wgsl"], self.align)
                 .with_lookup_mode(self.lookup),
         )
+    }
+
+    fn taps(&self) -> Taps {
+        self.filter.taps(Taps::Within(1))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

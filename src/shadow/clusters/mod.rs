@@ -21,7 +21,7 @@ use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
-use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
+use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 
 settings! {
@@ -78,7 +78,7 @@ impl VectorMap for DensityClusters {
             defs: vec!["FROM_BEHIND"],
             marches: Some(1 + self.iterations),
             sink: &["shadow/clusters/sink.wgsl"],
-            lookup: &["shadow/clusters/lookup.wgsl", TRANSMITTANCE_FILTER],
+            lookup: &["shadow/clusters/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,
         }

@@ -17,6 +17,7 @@
 //! * `filter=bilinear` averages the optical depths of neighbouring texels, whose layers start at their own `z_0`; with
 //!   `align=on`, at the mean `z_0` if the four depths are close enough to be one surface.
 
+use super::filter::Taps;
 use super::keys::{ALIGN_KEY, Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
@@ -138,9 +139,13 @@ impl Method for DeepOpacityMap {
     fn lookup(&self) -> Option<Lookup> {
         Some(
             self.layered_map(self.layering().any())
-                .lookup("shadow/layered/lookup.wgsl", self.align)
+                .lookup(&["shadow/layered/lookup.wgsl"], self.align)
                 .with_lookup_mode(self.lookup),
         )
+    }
+
+    fn taps(&self) -> Taps {
+        self.filter.taps(Taps::Within(1))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

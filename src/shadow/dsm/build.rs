@@ -175,7 +175,8 @@ impl DeepShadowMap {
         let known = context.node_pools.last_sizes(&key).map(|sizes| sizes.scaled(reserve));
         // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
-        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march(), self.near()))?;
+        let tiles =
+            TileMarch::fit(context, self.fit.shape(self.map, self.filter, self.march(), self.near()))?;
         let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
         let hint = many.then_some(LOOP_LIMIT_HINT);
         let (label, shader) = ("deep shadow map build", self.build_shader());

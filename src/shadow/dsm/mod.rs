@@ -42,12 +42,13 @@ pub use count::{NodeMap, node_depths, node_map};
 use layout::{DEPTH_STEPS, NAME, Side, UPRIGHT_STEPS, map_shader, rows_shader};
 
 use super::bound::Bound;
+use super::filter::{Filter, Taps};
 use super::keys::{
-    ALIGN_KEY, Align, DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY,
-    MARCH_KEY, MarchBy, NEAR_KEY, UNLESS_LINES, settings,
+    ALIGN_KEY, Align, DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Fit, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, NEAR_KEY, UNLESS_LINES, settings,
 };
 use super::lookup::{Lookup, steepest_mm};
-use super::method::{BuildReport, Curve, Entry, Method, ShadowMap, Taps};
+use super::method::{BuildReport, Curve, Entry, Method, ShadowMap};
 use super::published::Published;
 use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
@@ -161,19 +162,19 @@ settings! {
         .when(UNLESS_LINES),
         /// Way in which light rays are marched: cell by cell with exact integrals, or by samples at regular
         /// distances.
-        march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
+        march: MarchBy = MARCH_KEY.when(When::UnlessAny(&[("precompress", "off"), ("from", "lines")])),
         /// Number of shadow map texels per side; `None` if chosen from the scene.
         map: Option<u32> = MAP_KEY,
         /// Region that the shadow map covers: the bricks (blocks of voxels) with extinction that the camera sees, or
         /// all bricks with extinction.
         fit: Fit = FIT_KEY,
-        /// Interpolation between the shadow map texels around a point: nearest or bilinear.
+        /// Filter of the shadow map texels around a point.
         filter: Filter = FILTER_KEY,
         /// Whether the four texels around a point are aligned at their first depths.
         align: Align = ALIGN_KEY,
         /// Length of the march from a point towards the light before a query of the shadow map, in smallest voxel
         /// spacings; 0 for none.
-        near: f64 = NEAR_KEY.when(When::UnlessEither([("from", "lines"), ("filter", "nearest")])),
+        near: f64 = NEAR_KEY.when(When::UnlessAny(&[("from", "lines"), ("filter", "nearest")])),
         /// Distance between regular samples along a light ray, in units of the smallest voxel spacing. It applies to
         /// `march=samples` and `precompress=off`; pre-filtered maps with the pre-compressed table take half of it.
         step: f64 = Key::number(
@@ -218,8 +219,8 @@ impl DeepShadowMap {
         self.from.march(self.march, self.step)
     }
 
-    /// Returns the length of the march before a query of the shadow map, in smallest voxel spacings. Its result is
-    /// clamped to the range of the texels that the query reads, so a single texel leaves nothing to march for.
+    /// Returns the length of the march before a query of the shadow map, in smallest voxel spacings. With up to four
+    /// texels its result is clamped to their range, so a single texel leaves nothing to march for.
     fn near(&self) -> f64 {
         if self.filter == Filter::Nearest { 0.0 } else { self.from.near(self.near) }
     }
@@ -263,9 +264,10 @@ impl DeepShadowMap {
     }
 
     /// Returns the error bound of a deep shadow map, or `None` unless its light rays are marched cell by cell with
-    /// the pre-compressed table, from the point of a query on. `docs/bound.md` derives its terms.
+    /// the pre-compressed table, from the point of a query on. There is none for a filter of 4 x 4 texels, which blurs
+    /// also at texel centres. `docs/bound.md` derives its terms.
     pub(super) fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
-        if self.precompress == Precompress::Off || self.march() != March::Cells {
+        if self.precompress == Precompress::Off || self.march() != March::Cells || self.filter.is_wide() {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
@@ -278,8 +280,8 @@ impl DeepShadowMap {
         // Rounded texel coordinates of a point on a texel's ray give its neighbours a weight.
         let rounding = light_space.rounding(context.volume, context.transfer.clips);
         let (texels_a_side, neighbours) = match self.filter {
-            Filter::Bilinear => (2, rounding.texels),
             Filter::Nearest => (1, 0.0),
+            _ => (2, rounding.texels),
         };
         // Rounding would take most of the range between texels for the light ray of one of them.
         if self.near() > 0.0 && least_weight(&rounding) > MOST_LEAST_WEIGHT {
@@ -336,7 +338,7 @@ impl DeepShadowMap {
 
     /// Returns the shader code of queries for a bound on the transmittance.
     fn bounding_lookup(&self, side: Side) -> Lookup {
-        let shader = map_shader("").with_depth_march().with_alignment(Align::Off, Filter::Nearest);
+        let shader = map_shader("").with_depth_march().with_filter(Filter::Nearest, 1, Align::Off);
         let shader =
             shader.modules(&["shadow/dsm/lookup.wgsl"]).defs(self.segment_def()).defs(["BOUNDS", side.def()]);
         Lookup::enclosing(shader.constants(&[Constant::float("MARCH_ERROR", MARCH_ERROR as f32)]))
@@ -364,22 +366,21 @@ impl Method for DeepShadowMap {
     }
 
     fn taps(&self) -> Taps {
-        Taps::Within(self.taps_a_texel())
+        self.filter.taps(Taps::Within(self.taps_a_texel()))
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        let bilinear = self.filter == Filter::Bilinear;
         let shader =
-            map_shader("").with_alignment(self.align, self.filter).modules(&["shadow/dsm/lookup.wgsl"]);
-        let shader = shader.defs(bilinear.then_some("FILTER_BILINEAR"));
+            map_shader("").with_filter(self.filter, 1, self.align).modules(&["shadow/dsm/lookup.wgsl"]);
         let shader = shader.defs(self.segment_def());
-        let shader = shader.defs((self.near() > 0.0).then_some("KNOWN_RANGE"));
+        let knows_range = self.near() > 0.0 && !self.filter.is_wide();
+        let shader = shader.defs(knows_range.then_some("KNOWN_RANGE"));
         Some(Lookup::new(shader).with_near(self.near()).with_lookup_mode(self.lookup))
     }
 
     fn curve(&self) -> Curve {
-        // On the light rays of texels, `near` changes nothing.
-        Curve::Falls
+        // On the light rays of texels, `near` changes nothing within the range of four texels.
+        if self.filter.is_wide() { Curve::of_map(&self.spec()) } else { Curve::Falls }
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

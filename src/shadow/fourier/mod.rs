@@ -23,12 +23,8 @@ use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
-use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
+use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
-
-const MAP_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"];
-const TEXEL_LOOKUP: &[&str] =
-    &["shadow/fourier/series.wgsl", "shadow/fourier/texel.wgsl", TRANSMITTANCE_FILTER];
 
 choices! {
     /// Weights of the terms of the Fourier series in a Fourier opacity map.
@@ -105,7 +101,7 @@ impl VectorMap for FourierOpacityMap {
             defs: defs.into_iter().flatten().collect(),
             marches: texel_range.then_some(2),
             sink: &["shadow/fourier/sink.wgsl"],
-            lookup: if texel_range { TEXEL_LOOKUP } else { MAP_LOOKUP },
+            lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,
         }

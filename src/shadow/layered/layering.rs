@@ -50,7 +50,7 @@ pub const LOG_SIZE_KEY: Key = Key::number(
     "256",
     "logarithms are taken over the interval from 1 to this number (not for split=linear or growing)",
 )
-.when(When::UnlessEither([("split", "linear"), ("split", "growing")]));
+.when(When::UnlessAny(&[("split", "linear"), ("split", "growing")]));
 
 pub const MEASURE_KEY: Key = Key::choice(
     Measure::NAMES,

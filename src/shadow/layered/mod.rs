@@ -27,10 +27,11 @@ pub use ratio::Measure;
 pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
-use super::keys::{Align, Filter};
+use super::filter::Filter;
+use super::keys::Align;
 use super::lookup::Lookup;
 use super::method::{BuildReport, Method, PassLeftOut, ShadowMap};
-use super::settings::{Key, choices};
+use super::settings::{Key, When, choices};
 use super::tolerances::{OPAQUE_DEPTH, longest_depth};
 use crate::error::Result;
 use crate::field::{
@@ -81,7 +82,8 @@ pub(super) const AVERAGE_KEY: Key = Key::choice(
     "transmittance",
     "quantity that filters average: optical depth (as in the papers), or transmittance",
 )
-.search_all();
+.search_all()
+.when(When::Unless("filter", "pcf"));
 
 const CONSTANTS: &[Constant] = &[
     Constant::unsigned("RECORD_TEXTURE_WIDTH", RECORD_TEXTURE_WIDTH),
@@ -124,9 +126,6 @@ pub(super) struct LayeredParams {
     depth_steps_per_mm: f32,
     kappa: f32,
     longest_depth: f32,
-    padding: f32,
-    kernel: u32,
-    filter_side: u32,
     max_depth: f32,
 }
 
@@ -158,17 +157,15 @@ impl LayeredMap {
         shader(entry).modules(&[READ]).defs(self.record.read_defs()).defs(self.split.def())
     }
 
-    /// Returns the shader code of a layered shadow map's transmittance query, which the given shader module
-    /// implements.
-    pub fn lookup(&self, module: &'static str, align: Align) -> Lookup {
-        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
+    /// Returns the shader code of a layered shadow map's transmittance query, which the last of the given shader
+    /// modules implements.
+    pub fn lookup(&self, modules: &[&'static str], align: Align) -> Lookup {
+        let averages_transmittance = self.average == Average::Transmittance || self.filter == Filter::Pcf;
         let shader = self
             .read_shader("")
-            .with_alignment(align, self.filter)
-            .modules(&[module])
-            .defs(bilinear)
-            .defs(average);
+            .with_filter(self.filter, self.kernel, align)
+            .modules(modules)
+            .defs(averages_transmittance.then_some("AVERAGE_TRANSMITTANCE"));
         Lookup::new(shader).with_near(self.shape.near)
     }
 
@@ -198,9 +195,6 @@ impl LayeredMap {
             depth_steps_per_mm: (record.depth_steps() / f64::from(range_mm as f32)) as f32,
             kappa,
             longest_depth: longest_depth(),
-            padding: 0.0,
-            kernel: self.kernel,
-            filter_side: self.kernel + u32::from(self.filter == Filter::Bilinear),
             max_depth: if record.bits == 8 { kappa } else { OPAQUE_DEPTH },
         }
     }
@@ -333,10 +327,10 @@ mod tests {
             filter: Filter::Nearest,
             average: Average::Depth,
             kernel: 1,
-            shape: Fit::Volume.shape(Some(64), March::Cells, 0.0),
+            shape: Fit::Volume.shape(Some(64), Filter::Nearest, March::Cells, 0.0),
         };
         assert_layout!(&layered_map.build_shader(), "Params", LayeredParams: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
-            longest_depth, kernel, filter_side, max_depth);
+            longest_depth, max_depth);
     }
 }

@@ -9,7 +9,7 @@ use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
-use crate::shadow::keys::Filter;
+use crate::shadow::filter::Filter;
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::choices;
 

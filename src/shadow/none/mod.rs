@@ -47,7 +47,14 @@ const TEST_MAP: u32 = 512;
 
 /// Returns the projection of the light for shadow methods without a shadow map, with an assumed number of texels.
 pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
-    context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march, near: 0.0 })
+    context.light_space(MapShape {
+        texels: Some(TEST_MAP),
+        fits_view: false,
+        reach: 1,
+        border: 1,
+        march,
+        near: 0.0,
+    })
 }
 
 /// Returns the shadow data of a method without a map: the light space and the transmittance query only.

@@ -13,16 +13,19 @@
 //!   narrower than the spacing of rays casts no shadow there. Mass that no light reaches counts, too; `slicing=lit`
 //!   sums the lost light instead. `slicing=gamma` places plane `i` at the share `(i / N)^2.2`.
 //! * All maps are stored, since a ray caster queries depths in any order; the paper stores two at a time.
+//! * `between=cubic` is a monotone cubic (Fritsch and Butland 1984, *A method for constructing local monotone piecewise
+//!   cubic interpolants*); the paper names a cubic spline, which may overshoot.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
+use super::filter::Taps;
 use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::lookup::Lookup;
-use super::method::{Entry, Method, PassLeftOut, ShadowMap, Taps};
+use super::method::{Entry, Method, PassLeftOut, ShadowMap};
 use super::published::Published;
-use super::settings::{Key, Value, choices};
+use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
@@ -49,6 +52,16 @@ choices! {
     }
 }
 
+choices! {
+    /// Interpolation of optical depth between the planes of an opacity shadow map.
+    pub enum Between {
+        /// Interpolates optical depth linearly between two planes.
+        Linear = "linear",
+        /// Interpolates optical depth by a monotone cubic, from four planes.
+        Cubic = "cubic",
+    }
+}
+
 settings! {
     /// Settings of an opacity shadow map.
     pub struct OpacityShadowMap {
@@ -62,7 +75,11 @@ settings! {
         )
         .search_all(),
         /// Width, in texels, of the square of shadow map texels over which a transmittance query averages: 1 or 3.
-        kernel: u32 = Key::choice(&["1", "3"], "1", "width of the averaging kernel, in texels").search_all(),
+        kernel: u32 = Key::choice(&["1", "3"], "1", "width of the averaging kernel, in texels")
+            .search_all()
+            .when(When::UnlessAny(&[("filter", "gauss"), ("filter", "pcf")])),
+        /// Interpolation of optical depth between the planes of an opacity shadow map.
+        between: Between = Key::choice(Between::NAMES, "linear", "optical depth between planes: linear, or a monotone cubic"),
         /// Number of bits of each optical depth stored in an opacity shadow map: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
@@ -99,7 +116,8 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 
 impl OpacityShadowMap {
     fn map_shape(&self) -> MapShape {
-        MapShape { reach: self.kernel.div_ceil(2), ..self.shape() }
+        let shape = self.shape();
+        MapShape { reach: shape.reach.max(self.kernel.div_ceil(2)), ..shape }
     }
 
     fn layered_map(&self, split: Split) -> LayeredMap {
@@ -148,15 +166,14 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(
-            self.layered_map(split)
-                .lookup("shadow/osm/lookup.wgsl", Align::Off)
-                .with_lookup_mode(self.lookup),
-        )
+        let modules = ["shadow/osm/cubic.wgsl", "shadow/osm/lookup.wgsl"];
+        let lookup = self.layered_map(split).lookup(&modules, Align::Off);
+        let cubic = (self.between == Between::Cubic).then_some("CUBIC");
+        Some(lookup.defs(cubic).with_lookup_mode(self.lookup))
     }
 
     fn taps(&self) -> Taps {
-        Taps::Texels(self.kernel)
+        self.filter.taps(Taps::Texels(self.kernel))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {

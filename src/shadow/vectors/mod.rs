@@ -4,14 +4,15 @@
 //!
 //! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a module of the method
 //! that receives the matter along the light ray) and one texture atlas of shadow map tiles. Every tile has a margin
-//! of one texel that repeats its neighbours (324 instead of 256 texels). So the hardware's texture filter, for which
-//! `fourier` and `moments` are made, never leaves a tile. Tiles without extinction take no memory, as in every shadow
-//! map here.
+//! of one texel that repeats its neighbours (324 instead of 256 texels), or of two for filters of 4 x 4 texels. So the
+//! hardware's texture filter, for which `fourier` and `moments` are made, never leaves a tile. Tiles without
+//! extinction take no memory, as in every shadow map here.
 //!
 //! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
 //! within one cell, whose matter is assumed to be uniform; `avsm` and `moments:measure=light` take shorter segments.
 
-use super::keys::{Align, Filter, Lookups};
+use super::filter::{Filter, Taps};
+use super::keys::{Align, Lookups};
 use super::lookup::Lookup;
 use super::method::{BuildReport, Curve, Entry, Method, MethodSpec, ShadowMap};
 use super::settings::Value;
@@ -27,15 +28,8 @@ use bytemuck::{Pod, Zeroable};
 pub type MethodParams = [f32; 8];
 /// Binding index of the uniform buffer [`MethodParams`] in shader group 1.
 const PARAMS_BINDING: u32 = 5;
-/// Number of texels per side of a shadow map tile with its margin.
-const TILE_SIDE: u32 = TILE + 2;
-/// Number of shadow map tiles that fit side by side in a texture of 8192 texels, a width that every graphics adapter
-/// supports.
-const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
-
-/// Shader file for maps whose stored four-vectors cannot be averaged: it averages the transmittances of neighbouring
-/// texels (`umbravox::texel_curve`).
-pub(super) const TRANSMITTANCE_FILTER: &str = "shadow/vectors/filter.wgsl";
+/// Number of texels per side of a texture that every graphics adapter supports.
+const WIDEST_ATLAS: u32 = 8192;
 
 /// Storage format of the four-vectors that a shadow map stores in each texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,12 +69,12 @@ pub struct VectorMapDescriptor {
     pub vectors: u32,
     /// Storage format of the four-vectors that a shadow map stores in each texel.
     pub storage: VectorStorage,
-    /// Interpolation between the shadow map texels around a point: nearest or bilinear.
+    /// Filter of the shadow map texels around a point.
     pub filter: Filter,
     /// Whether the four texels around a point are aligned at their first depths before they are averaged.
     pub align: Align,
     /// Whether a query may average the four-vectors of neighbouring shadow map texels, as hardware texture filtering
-    /// does.
+    /// does. Otherwise, and with percentage-closer filtering, it averages their transmittances.
     pub linear: bool,
     /// Texels per side and covered region of the shadow map, and the way in which its light rays are marched.
     pub shape: MapShape,
@@ -93,8 +87,8 @@ pub struct VectorMapDescriptor {
     /// File of the shader module `umbravox::sink`, which receives the matter along a light ray, interval by interval,
     /// preceded by the modules that it imports.
     pub sink: &'static [&'static str],
-    /// Files of the shader module `umbravox::method` with the transmittance query, preceded by the modules that it
-    /// imports.
+    /// Files of the shader module `umbravox::texel_curve` with the transmittance of a texel, or of the mean of texels,
+    /// preceded by the modules that it imports.
     pub lookup: &'static [&'static str],
     /// Values of the shadow method's uniform buffer at [`PARAMS_BINDING`], and the file of the shader module that
     /// declares it.
@@ -131,6 +125,10 @@ impl<M: VectorMap> Method for M {
         Some(self.descriptor().lookup())
     }
 
+    fn taps(&self) -> Taps {
+        self.descriptor().filter.taps(Taps::Within(1))
+    }
+
     fn passes(&self) -> Vec<ShaderVariant> {
         vec![self.descriptor().build_shader()]
     }
@@ -159,8 +157,11 @@ struct VectorParams {
 
 impl VectorMapDescriptor {
     fn shader(&self, entry: &'static str) -> ShaderVariant {
-        let constants =
-            [Constant::unsigned("VECTORS", self.vectors), Constant::unsigned("TILE_SHIFT", TILE.ilog2())];
+        let constants = [
+            Constant::unsigned("VECTORS", self.vectors),
+            Constant::unsigned("TILE_SHIFT", TILE.ilog2()),
+            Constant::unsigned("TILE_MARGIN", self.shape.border),
+        ];
         let shader = field_shader(entry).with_tile_table().modules(&["shadow/vectors/layout.wgsl"]);
         let shader = match self.params {
             Some((module, _)) => shader.modules(&[module]),
@@ -175,6 +176,16 @@ impl VectorMapDescriptor {
         self.linear && self.storage == VectorStorage::Half && self.filter == Filter::Bilinear
     }
 
+    /// Whether a query averages the four-vectors of neighbouring texels.
+    fn averages_vectors(&self) -> bool {
+        self.linear && matches!(self.filter, Filter::Bilinear | Filter::Gauss)
+    }
+
+    /// Returns the number of texels per side of a shadow map tile with its margin.
+    fn tile_side(&self) -> u32 {
+        TILE + 2 * self.shape.border
+    }
+
     /// Returns the shader of the pass that marches light rays and builds the shadow map.
     fn build_shader(&self) -> ShaderVariant {
         let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
@@ -187,10 +198,11 @@ impl VectorMapDescriptor {
     }
 
     fn lookup(&self) -> Lookup {
-        let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]);
-        let shader = shader.with_alignment(self.align, self.filter).modules(self.lookup);
-        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
+        let shader = self.shader("").with_filter(self.filter, 1, self.align);
+        let shader = shader.modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
+        let shader = shader.modules(&["shadow/vectors/filter.wgsl"]);
+        let shader = shader.defs(self.averages_vectors().then_some("AVERAGE_VECTORS"));
+        let shader = shader.defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
         Lookup::new(shader).with_near(self.shape.near).with_lookup_mode(self.lookup_mode)
     }
 
@@ -204,11 +216,13 @@ impl VectorMapDescriptor {
     /// stays empty. It is nearly square if textures are not high enough.
     fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
         let tiles = tiles.max(1);
-        let wide = tiles.div_ceil(TILES_ACROSS);
+        let side = self.tile_side();
+        let most = WIDEST_ATLAS / side;
+        let wide = tiles.div_ceil(most);
         let square = (f64::from(tiles) / f64::from(self.vectors)).sqrt().ceil() as u32;
-        let rows = if wide * self.vectors <= TILES_ACROSS { wide } else { square };
+        let rows = if wide * self.vectors <= most { wide } else { square };
         let across = tiles.div_ceil(rows);
-        (across, [across * TILE_SIDE, rows * self.vectors * TILE_SIDE])
+        (across, [across * side, rows * self.vectors * side])
     }
 
     /// Builds a shadow map of four-vectors.
@@ -251,16 +265,16 @@ impl VectorMapDescriptor {
             slots.push((4, Slot::sampler(&sampler, true)));
         }
         let left_out = tiles.tiles - tiles.built;
+        let tile_bytes = u64::from(self.tile_side().pow(2)) * self.texel_bytes();
         let texels_stored = u64::from(size[0] * size[1] / self.vectors);
         let report = BuildReport {
             device: Some(span),
             bytes: texels_stored * self.texel_bytes() + tiles.table_bytes(),
-            bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
-                + tiles.table_bytes(),
+            bytes_used: u64::from(tiles.built) * tile_bytes + tiles.table_bytes(),
             texels_hit: Some(words.and_then(|words| words.first().copied()).unwrap_or(0).into()),
             tiles: tiles.tiles,
             tiles_left_out: left_out,
-            bytes_left_out: u64::from(left_out * TILE_SIDE * TILE_SIDE) * self.texel_bytes(),
+            bytes_left_out: u64::from(left_out) * tile_bytes,
             ..Default::default()
         };
         Ok(ShadowMap {
@@ -290,7 +304,7 @@ mod tests {
             filter: Filter::Bilinear,
             align: Align::Off,
             linear: true,
-            shape: Fit::Volume.shape(Some(64), March::Cells, 0.0),
+            shape: Fit::Volume.shape(Some(64), Filter::Bilinear, March::Cells, 0.0),
             constants: vec![Constant::unsigned("TERMS", 3)],
             defs: Vec::new(),
             marches: None,
