@@ -210,11 +210,16 @@ impl FramePlan {
         if is_stdout(&self.output) {
             return self.output.clone();
         }
-        let mut name = self.output.file_stem().unwrap_or_default().to_owned();
-        name.push(format!("_{number:04}."));
-        name.push(self.output.extension().unwrap_or_default());
-        self.output.with_file_name(name)
+        with_suffix(&self.output, &format!("_{number:04}"))
     }
+}
+
+/// Returns a path with a suffix before the extension of its file name.
+pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("{suffix}."));
+    name.push(path.extension().unwrap_or_default());
+    path.with_file_name(name)
 }
 
 /// Record of one of several pictures for `render --json`: file, position, times and reuse of shadow maps.

@@ -19,6 +19,7 @@ pub mod phantom;
 pub mod probe;
 mod probe_curve;
 pub mod probe_rays;
+mod probe_slices;
 pub mod render;
 pub mod stability;
 mod table_flags;

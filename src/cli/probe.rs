@@ -1,9 +1,10 @@
 //! `umbravox probe`: prints exact optical depths of segments, transmittance at points by a shadow method, or
-//! transmittance curves along a light ray.
+//! transmittance curves along a light ray, or writes slices of a shadow map.
 
 use super::console::{load_scene, print_result};
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
+use super::probe_slices;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::files::input::read_text;
@@ -17,7 +18,7 @@ use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
 /// Print the exact optical depth of segments, a shadow method's transmittance at points, or transmittance curves
-/// along a light ray
+/// along a light ray; or write slices of a shadow map as pictures
 #[derive(Debug, Args)]
 pub struct ProbeArgs {
     #[command(flatten)]
@@ -27,7 +28,7 @@ pub struct ProbeArgs {
     #[command(flatten)]
     pub curve_flags: CurveFlags,
     /// Print the column names of --rays or --points in a first line that begins with `#`; always done on a terminal
-    #[arg(long, conflicts_with = "curve")]
+    #[arg(long, conflicts_with_all = ["curve", "map_slices"])]
     pub header: bool,
 }
 
@@ -36,8 +37,8 @@ fn header(requested: bool, columns: &str) -> String {
     if requested || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
-/// Flags that select the output of `probe`: exactly one of optical depths of segments, transmittance at points, or a
-/// transmittance curve.
+/// Flags that select the output of `probe`: exactly one of optical depths of segments, transmittance at points, a
+/// transmittance curve, or slices of a shadow map.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub struct What {
@@ -53,6 +54,10 @@ pub struct What {
     /// CSV and plot; depth starts where the ray enters the volume, or at a light inside it
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true)]
     pub curve: Option<DVec3>,
+    /// Number of depths: writes the transmittance at the texel centres of the --shadow method's map at each depth, and the
+    /// exact one, as grey pictures seen from the light: `NAME_0000.png` and `NAME_0000_exact.png` for `--output NAME.png`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), requires = "output")]
+    pub map_slices: Option<u32>,
 }
 
 /// Runs the `probe` command: prints exact transmittances, and those of shadow methods.
@@ -65,6 +70,10 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     if let Some(point_mm) = args.what.curve {
         settings.hard_lights("probe --curve")?;
         return probe_curve::run(&settings, &run, point_mm, &args.curve_flags);
+    }
+    if let (Some(count), Some(output)) = (args.what.map_slices, &args.curve_flags.output) {
+        settings.hard_lights("probe --map-slices")?;
+        return probe_slices::run(&settings, &run, count, output);
     }
     // Small files are checked before the volume is read.
     if let Some(path) = &args.what.rays {

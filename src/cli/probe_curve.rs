@@ -119,12 +119,12 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
 /// Flags of `probe --curve`: shadow methods and output files.
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
-    #[arg(long, value_name = "METHODS", conflicts_with_all = ["rays", "points"],
+    #[arg(long, value_name = "METHODS", conflicts_with_all = ["rays", "points", "map_slices"],
         help = format!("With --curve: methods separated by `;`; a value without `=` is one more for \
             the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
     /// With --curve: output file (.csv, .svg, .png or .pdf), or a folder for curve.csv, curve.svg, curve.png and
-    /// curve.pdf [default: CSV on stdout]
+    /// curve.pdf [default: CSV on stdout]. With --map-slices: name of the pictures (.png, .exr or .npy)
     #[arg(short, long, value_name = "DIR|FILE", conflicts_with_all = ["rays", "points"])]
     pub output: Option<PathBuf>,
 }

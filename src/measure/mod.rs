@@ -44,6 +44,7 @@ mod histogram;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
+pub mod map_slices;
 pub mod mean_error;
 pub mod pareto;
 pub mod picture_errors;

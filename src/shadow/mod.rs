@@ -16,6 +16,7 @@
 //! * Constants that Rust and shaders share come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
 
 mod avsm;
+mod beer;
 mod bom;
 mod bound;
 mod clusters;
@@ -43,6 +44,7 @@ mod tolerances;
 mod vectors;
 
 pub use avsm::AdaptiveShadowMap;
+pub use beer::{BeerMean, BeerShadowMap};
 pub use bom::BoundingOpacityMap;
 pub use bound::Bound;
 pub use clusters::DensityClusters;

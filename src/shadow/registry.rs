@@ -5,7 +5,7 @@
 use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
-use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
+use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::str::FromStr;
@@ -29,6 +29,7 @@ pub const METHODS: &[&Entry] = &[
     &fourier::ENTRY,
     &avsm::ENTRY,
     &moments::ENTRY,
+    &beer::ENTRY,
     &lightvolume::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,

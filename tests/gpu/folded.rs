@@ -112,6 +112,7 @@ fn marches_by_samples_and_pictures_differ_by_rounding_alone() {
             "moments",
             "fourier",
             "clusters",
+            "beer",
         ];
         for name in methods {
             let method = shadow::parse(name).unwrap();

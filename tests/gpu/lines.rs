@@ -9,7 +9,7 @@ use umbravox::strands::{
 };
 
 /// Every shadow method with a map, as fine as possible, with its allowed error behind all strands.
-const METHODS: [(&str, f32); 8] = [
+const METHODS: [(&str, f32); 9] = [
     ("dsm:epsilon=0.001", 0.002),
     ("osm:layers=256", 1e-3),
     ("dom:bits=32", 1e-3),
@@ -18,6 +18,7 @@ const METHODS: [(&str, f32); 8] = [
     ("fourier:terms=15,range=texel,bits=32", 0.01),
     ("avsm:nodes=16", 2e-3),
     ("moments", 0.01),
+    ("beer", 1e-3),
 ];
 
 /// Straight strands between pairs of points, of one diameter (mm) and transparency.

@@ -1,4 +1,4 @@
-//! `clusters`, `fourier`, `avsm` and `moments` on media for which each is exact, and the claims of their papers.
+//! `clusters`, `fourier`, `avsm`, `moments` and `beer` on media for which each is exact, and the claims of their papers.
 
 use super::bound::along_light_rays;
 use super::*;
@@ -223,11 +223,54 @@ fn moments_in_words_are_those_in_floats() {
     }
 }
 
+#[test]
+fn beer_maps_are_exact_for_one_slab() {
+    let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(0.03)) else { return };
+    for mean in ["extent", "matter"] {
+        for (bits, most) in [(32, 1e-4), (16, 2e-3)] {
+            let rest = format!("mean={mean},bits={bits},filter=nearest,near=0,map=32,fit=volume");
+            let error = ray_err_max(&setup, &format!("beer:{rest}"));
+            println!("a slab, mean={mean}, {bits} bits: {error:.6}");
+            assert!(error < most, "mean={mean}, {bits} bits: {error}");
+        }
+    }
+}
+
+/// Two slabs with a gap, 16 and 32 mm of 96 mm: both means of extinction give the curve of their definition, and the
+/// known error in front of the second slab.
+#[test]
+fn beer_maps_spread_two_slabs_over_the_gap() {
+    let [begin, gap, second, end] = [0.125, 0.25, 0.625, 0.875];
+    let Some(setup) = Setup::open(&slabs(&[[0.125, 0.25], [0.625, 0.875]]), &even(0.03)) else { return };
+    let exact = setup.exact();
+    let deep = DEEP as f64;
+    let total = 0.03 * (gap - begin + end - second) * deep;
+    for (mean, slope) in [("extent", total / (end - begin) / deep), ("matter", 0.03)] {
+        let map =
+            setup.shadow(&format!("beer:mean={mean},bits=32,filter=nearest,near=0,map=32,fit=volume"), ABOVE);
+        let shares: Vec<f64> = (1..64).map(|i| f64::from(i) / 64.0).collect();
+        let points: Vec<_> = shares.iter().map(|s| DVec3::new(7.5, 7.5, (1.0 - s) * deep - 0.5)).collect();
+        let mut largest = 0.0_f64;
+        for ((share, point), got) in shares.iter().zip(&points).zip(setup.query(&map, &points)) {
+            let expected = (-total.min(slope * (share - begin).max(0.0) * deep)).exp();
+            assert!((f64::from(got) - expected).abs() < 1e-4, "{mean}, {share}: {got} {expected}");
+            largest = largest.max((f64::from(got) - exact.transmittance_to_light(*point, &ABOVE)).abs());
+        }
+        // The largest error is behind the first slab or in front of the second one.
+        let error = |share: f64| {
+            ((-total.min(slope * (share - begin) * deep)).exp() - (-0.03 * (gap - begin) * deep).exp()).abs()
+        };
+        let known = error(gap).max(error(second));
+        println!("two slabs, mean={mean}: largest error {largest:.4}, known {known:.4}");
+        assert!(known > 0.1 && (largest - known).abs() < 1e-4, "{mean}: {largest} {known}");
+    }
+}
+
 /// An opaque slab in one cell: its stored part ends where the ray ends, with the right slope.
 #[test]
 fn opaque_slabs_keep_their_slope() {
     let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
-    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16,bits=32"] {
+    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16,bits=32", "beer:bits=32"] {
         let error = ray_err_max(&setup, &format!("{method},filter=nearest,near=0,map=32,fit=volume"));
         println!("an opaque slab, {method}: {error:.4}");
         assert!(error < 0.005, "{method}: {error}");
@@ -323,7 +366,7 @@ fn filters_cross_the_edges_of_tiles() {
         };
         let got = depth(&program, DVec2::splat(15.5));
         assert!((got - corner(&nearest)).abs() < 2e-4, "{place}, where four tiles meet: {got}");
-        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8,bits=32"] {
+        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8,bits=32", "beer:bits=32"] {
             let build = |filter: &str| {
                 setup.shadow(&format!("{method},near=0,map=41,fit=volume,filter={filter}"), light)
             };

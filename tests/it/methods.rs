@@ -86,6 +86,8 @@ const ACCEPTED: &[(&str, &[&str])] = &[
         &["moments=4 basis=trigonometric beta=0.5", "moments=8 basis=trigonometric beta=0.5"],
     ),
     ("moments:bits=16", &["moments=6 bits=16"]),
+    ("beer", &[""]),
+    ("beer:mean=matter,bits=16,32,map=64", &["mean=matter", "mean=matter bits=32"]),
     ("lightvolume", &["scale=2 build=gather"]),
     (
         "lightvolume:scale=1,1.5,build=sweep,bits=8,average=depth",
@@ -136,6 +138,8 @@ const REFUSED: &[(&str, &str)] = &[
     ("fourier:damping=gauss", "expected none|lanczos"),
     ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
     ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, near, align, lookup"),
+    ("beer:mean=median", "expected extent|matter"),
+    ("beer:layers=8", "there is: mean, bits, from, march, step, map, fit, filter, near, align, lookup"),
     ("moments:moments=5", "expected 4|6|8"),
     ("dsm:segments=linear", "expected transmittance|optical_depth"),
     (

@@ -1,5 +1,5 @@
-//! Shadow maps with a fixed number of four-vectors in each texel, the common part of `fourier`, `moments`, `clusters`
-//! and `avsm`. Each of these methods is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows
+//! Shadow maps with a fixed number of four-vectors in each texel, the common part of `fourier`, `moments`, `clusters`,
+//! `avsm` and `beer`. Each of these methods is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows
 //! from them.
 //!
 //! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a module of the method

@@ -5,5 +5,6 @@ mod claims;
 mod curve;
 mod frames;
 mod pictures;
+mod slices;
 mod stability;
 mod verify;
