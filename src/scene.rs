@@ -195,6 +195,12 @@ impl Scene {
         self.sources_shining().iter().any(LightSource::is_soft)
     }
 
+    /// Largest factor by which a phase function increases the light that is scattered to the eye; 1 without one.
+    pub fn largest_phase(&self) -> f64 {
+        let g = if self.shading == Shading::Phase { self.mean_cosine.abs() } else { 0.0 };
+        (1.0 + g) / ((1.0 - g) * (1.0 - g))
+    }
+
     /// Number of lights of the scene that are not black.
     pub fn lights_shining(&self) -> u32 {
         self.lights.iter().filter(|source| source.shines()).count() as u32

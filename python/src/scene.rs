@@ -200,9 +200,6 @@ impl PyScene {
         }
         let found = self.done(py, |cancellation| {
             self.state.prepared(&request, cancellation, MapCoverage::AnyPoint, |prepared, _, _| {
-                if prepared.shadows.is_empty() {
-                    return Ok(vec![1.0; points.len()]);
-                }
                 let query = |map: &ShadowMap, points: &[DVec3]| {
                     prepared.renderer.query(prepared.loaded, prepared.transfer, map, points)
                 };

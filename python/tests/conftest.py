@@ -3,6 +3,7 @@
 A test whose requirement is missing fails, unless a variable says that it is not expected on this machine (tests/common).
 """
 
+import importlib
 import os
 import subprocess
 from pathlib import Path
@@ -74,3 +75,10 @@ def program():
         return subprocess.run([found[0], *map(str, line)], capture_output=True, text=True, timeout=600)
 
     return run
+
+
+def package_named(name):
+    """Imports a package; where it is missing, the test fails at full size and is skipped otherwise."""
+    if os.environ.get("UMBRAVOX_TESTS") == "full":
+        return importlib.import_module(name)
+    return pytest.importorskip(name)

@@ -1,21 +1,13 @@
 """Images of other packages are the volumes of their files."""
 
-import importlib
 import os
 
 import nibabel
 import numpy as np
 import pytest
-from conftest import FUNCTION, small
+from conftest import FUNCTION, package_named, small
 
 import umbravox as uv
-
-
-def package_named(name):
-    """Imports a package; where it is missing, the test fails at full size and is skipped otherwise."""
-    if os.environ.get("UMBRAVOX_TESTS") == "full":
-        return importlib.import_module(name)
-    return pytest.importorskip(name)
 
 
 STARTS, ENDS = [[-50, 1, 2], [3, 40, 1]], [[50, 2, 1], [1, -40, 5]]

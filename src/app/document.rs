@@ -211,7 +211,8 @@ impl Document {
     /// Adds a white directional light to the scene and selects it. Its direction is that of the edited light, rotated
     /// by 120 degrees about the picture's up axis. Does nothing at the maximum number of lights.
     pub fn add_light(&mut self) {
-        if self.scene.lights.len() >= Scene::MOST_LIGHTS {
+        let maps = self.scene.lights.iter().map(LightSource::sample_count).sum::<usize>();
+        if self.scene.lights.len() >= Scene::MOST_LIGHTS || maps >= Scene::MOST_SHADOW_MAPS {
             return;
         }
         let (center, _) = self.bounding_sphere();

@@ -5,7 +5,7 @@ use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::input::source_name;
-use crate::files::output::{check_output_or_stdout, prepare_output_dir, write_whole};
+use crate::files::output::{check_output_or_stdout, write_whole};
 use crate::gpu::{Gpu, Tuning};
 use crate::measure::comparison::Compared;
 use crate::measure::facts::REVISION;
@@ -89,12 +89,11 @@ struct Summary {
 /// Writes a scene for Mitsuba into a folder.
 fn mitsuba(scene: SceneArgs, folder: &Path, supersample: u8) -> Result<()> {
     let SceneRequest { settings, run } = scene.into_request()?;
-    let loaded = load_scene(&settings)?;
     if folder.join(SCENE_FILE).exists() {
         let why = format!("it holds {SCENE_FILE} already");
         return Err(Error::input("cannot write scene", folder.display(), why).hint("give another folder"));
     }
-    prepare_output_dir(folder)?;
+    let loaded = load_scene(&settings)?;
     let Loaded { volume, tf, scene, .. } = &loaded;
     let error = write_mitsuba(folder, volume, tf, scene, supersample.into())?;
     if run.json {
@@ -154,7 +153,7 @@ pub fn scene_page(
 /// # Errors
 /// The scene reads a file, and `is_allowed` is false; or a light has a size.
 pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
-    settings.hard_lights("export")?;
+    settings.hard_lights("page")?;
     let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
     let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
     match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {

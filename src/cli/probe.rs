@@ -1,7 +1,7 @@
 //! `umbravox probe`: prints exact optical depths of segments, transmittance at points by a shadow method, or
 //! transmittance curves along a light ray, or writes slices of a shadow map.
 
-use super::console::{load_scene, print_result};
+use super::console::{load_scene, print_message, print_result};
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
 use super::probe_slices;
@@ -88,10 +88,14 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings)?;
         let source = scene.lights.first().copied().unwrap_or_default();
-        let exact = {
-            let field = ExactField::new(&volume, &tf);
-            field.transmittances_from(&points, &source).0
-        };
+        let (exact, standard_error) = ExactField::new(&volume, &tf).transmittances_from(&points, &source);
+        if source.is_soft() {
+            let about = "T_exact is a mean over the light, with a standard error of";
+            print_message(
+                "note",
+                &format_args!("{about} {standard_error:.1e} (root mean square over the points)"),
+            );
+        }
         let session = Session::open(run.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
             .with_strands(strands);
         let build = |light: LightSource| session.shadow(method.as_ref(), light.light);

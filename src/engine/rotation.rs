@@ -1,6 +1,6 @@
 //! Scenes of a full rotation of the camera (turntable) or of the lights (light sweep).
 
-use crate::scene::{Camera, Light, LightSource, Scene};
+use crate::scene::{Camera, Extent, Light, LightSource, Scene};
 use glam::{DQuat, DVec3};
 
 /// Object that rotates from one picture to the next: the camera or the lights. The rotation axis passes through the
@@ -42,9 +42,11 @@ impl Rotation {
         let is_off =
             |from_axis: DVec3| from_axis.cross(up).length() > 1e-9 * from_axis.length() * up.length();
         self == Self::Camera
-            || scene.shining().iter().any(|source| match source.light {
-                Light::Directional { toward } => is_off(toward),
-                Light::Point { position } => is_off(position - target),
+            || scene.sources_shining().iter().filter(|source| source.extent != Extent::SKY).any(|source| {
+                match source.light {
+                    Light::Directional { toward } => is_off(toward),
+                    Light::Point { position } => is_off(position - target),
+                }
             })
     }
 
@@ -59,10 +61,7 @@ impl Rotation {
         match self {
             Self::Camera => Scene { camera: Camera { eye: around(eye), ..scene.camera }, ..scene.clone() },
             Self::Lights => {
-                let turned = |source: &LightSource| LightSource {
-                    light: source.light.turned(turn, target),
-                    ..*source
-                };
+                let turned = |source: &LightSource| source.turned(turn, target);
                 Scene { lights: scene.lights.iter().map(turned).collect(), ..scene.clone() }
             }
         }

@@ -52,7 +52,8 @@ const KRONROD: [(f64, f64, f64); 8] = [
 ];
 
 impl ExactField<'_> {
-    /// Renders the exact picture of `scene` as `[row, column, channel]`: linear RGB and opacity, to about 1e-4.
+    /// Renders the exact picture of `scene` as `[row, column, channel]`: linear RGB and opacity, to about 1e-4
+    /// (1e-3 under lights with a size).
     ///
     /// Rendering takes seconds at 48 x 32 pixels; it is meant for small pictures.
     pub fn picture(&self, scene: &Scene) -> Array3<f32> {
@@ -74,6 +75,8 @@ impl ExactField<'_> {
     /// Returns an error estimate of the exact picture ([`Self::picture`]). It is the largest change of a channel if
     /// the quadrature has a sixteenth of the tolerance and starts with intervals a quarter as wide, over about
     /// `count` evenly spread pixels.
+    ///
+    /// Under lights with a size, it is the change with eight times as many samples.
     ///
     /// All other parts of a pixel are exact to 1e-12: the optical depth of its ray and of each shadow ray. One ray
     /// per pixel is part of the model, not an approximation.

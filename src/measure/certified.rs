@@ -101,7 +101,7 @@ pub fn check(scene: &Scene) -> Result<()> {
 fn brightness(scene: &Scene) -> f64 {
     let channel = |c: usize| scene.shining().iter().map(|source| source.radiance()[c]).sum::<f64>();
     let largest = (0..3).map(channel).fold(0.0, f64::max);
-    scene.ambient + (1.0 - scene.ambient) * largest
+    scene.ambient + (1.0 - scene.ambient) * largest * scene.largest_phase()
 }
 
 /// Renderer with the volume, the transfer function and the shadow maps of a scene.

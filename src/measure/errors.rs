@@ -36,6 +36,8 @@ pub struct VisiblePoints {
     exact_error: f64,
     /// Number of shadow maps of the light, whose answers are averaged.
     maps: usize,
+    /// Whether the light has a size.
+    is_soft: bool,
 }
 
 impl VisiblePoints {
@@ -50,7 +52,14 @@ impl VisiblePoints {
         let points_mm: Vec<_> = points.iter().map(|p| p.position).collect();
         let (exact, exact_error) = field.transmittances_from(&points_mm, source);
         let weights = points.iter().map(|p| p.weight).collect();
-        Self { points_mm, weights, exact, exact_error, maps: source.sample_count() }
+        Self {
+            points_mm,
+            weights,
+            exact,
+            exact_error,
+            maps: source.sample_count(),
+            is_soft: source.is_soft(),
+        }
     }
 
     /// Returns the first `count` points of a list of points visible to the camera, or all if there are fewer.
@@ -220,6 +229,9 @@ impl VisiblePointsByLight {
         let mut all = Vec::with_capacity(self.count());
         for (part, maps) in self.with_maps(shadows) {
             let [ShadowMap { enclosure: Some(enclosure), .. }] = maps else { return Ok(None) };
+            if part.is_soft {
+                return Ok(None);
+            }
             all.append(&mut part.widths(session, enclosure)?);
         }
         ErrorStats::of(all)
@@ -227,7 +239,7 @@ impl VisiblePointsByLight {
 }
 
 /// Returns the transmittance from a light at points (world mm): the mean of the answers of its shadow maps, one for each
-/// sample of a light with a size.
+/// sample of a light with a size. Without maps it is 1.
 ///
 /// # Errors
 /// A query fails.
@@ -236,12 +248,15 @@ pub fn mean_of_maps<Map: Borrow<ShadowMap>>(
     points_mm: &[DVec3],
     query: impl Fn(&ShadowMap, &[DVec3]) -> Result<Vec<f32>>,
 ) -> Result<Vec<f64>> {
+    if maps.is_empty() {
+        return Ok(vec![1.0; points_mm.len()]);
+    }
     let mut sums = vec![0.0; points_mm.len()];
     for map in maps {
         let found = query(map.borrow(), points_mm)?;
         sums.iter_mut().zip(found).for_each(|(sum, t)| *sum += f64::from(t));
     }
-    Ok(sums.into_iter().map(|sum| sum / maps.len().max(1) as f64).collect())
+    Ok(sums.into_iter().map(|sum| sum / maps.len() as f64).collect())
 }
 
 /// Chooses the shadow map texels on whose light rays transmittance is tested, spread over the rays that meet

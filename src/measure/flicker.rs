@@ -6,7 +6,7 @@ use super::job::Job;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::Session;
-use crate::scene::{Camera, Light, Scene};
+use crate::scene::{Camera, Light, LightSource, Scene};
 use crate::shadow::Method;
 use glam::{DQuat, DVec3};
 
@@ -54,7 +54,7 @@ impl FlickerReference {
         for angle in angles() {
             progress()?;
             let mut moved = scene.clone();
-            moved.lights.iter_mut().for_each(|source| source.light = turned(source.light, middle_mm, angle));
+            moved.lights.iter_mut().for_each(|source| *source = turned(*source, middle_mm, angle));
             let sources = moved.sources_shining();
             let parts = visible.parts().iter().zip(&sources);
             let exact =
@@ -141,13 +141,13 @@ impl Scatter {
 }
 
 /// Returns a light turned about the middle of the volume. A point light in the middle itself stays.
-fn turned(light: Light, middle_mm: DVec3, angle: f64) -> Light {
-    let from_middle = match light {
+fn turned(source: LightSource, middle_mm: DVec3, angle: f64) -> LightSource {
+    let from_middle = match source.light {
         Light::Directional { toward } => toward,
         Light::Point { position } => position - middle_mm,
     };
     let axis = from_middle.try_normalize().map(|unit| unit.any_orthonormal_vector());
-    axis.map_or(light, |axis| light.turned(DQuat::from_axis_angle(axis, angle), middle_mm))
+    axis.map_or(source, |axis| source.turned(DQuat::from_axis_angle(axis, angle), middle_mm))
 }
 
 /// Returns a camera turned about its target, to the side.
@@ -187,20 +187,15 @@ mod tests {
         let middle = DVec3::new(1.0, 2.0, 3.0);
         let angle = 0.01_f64;
         let toward = DVec3::new(0.3, -0.4, 0.5);
-        let Light::Directional { toward: turned_to } = turned(Light::Directional { toward }, middle, angle)
-        else {
+        let turned = |light: Light| turned(light.into(), middle, angle).light;
+        let Light::Directional { toward: turned_to } = turned(Light::Directional { toward }) else {
             panic!("directional")
         };
         assert!((turned_to.angle_between(toward) - angle).abs() < 1e-9);
         let position = DVec3::new(9.0, 2.0, -3.0);
-        let Light::Point { position: moved } = turned(Light::Point { position }, middle, angle) else {
-            panic!("point")
-        };
+        let Light::Point { position: moved } = turned(Light::Point { position }) else { panic!("point") };
         assert!(((moved - middle).angle_between(position - middle) - angle).abs() < 1e-9);
         assert!((moved.distance(middle) - position.distance(middle)).abs() < 1e-9);
-        assert_eq!(
-            turned(Light::Point { position: middle }, middle, angle),
-            Light::Point { position: middle }
-        );
+        assert_eq!(turned(Light::Point { position: middle }), Light::Point { position: middle });
     }
 }

@@ -5,7 +5,8 @@
 //! largest channel. Let `r` be the sum of these channels times `1 - ambient`, and `opacity` that of the pixel. The product
 //! `r opacity |T_method - T_exact|` has the mean
 //! `mean over pixels of sum over lights of (1 - ambient) light integral(T_eye sigma |T_method - T_exact| dt)`. No channel
-//! of a picture without shading errs by more than this on average. The products lie in `[0, r]`, so that the empirical
+//! of a picture without shading errs by more than this on average; with a phase function, `r` has its largest value as a
+//! factor. The products lie in `[0, r]`, so that the empirical
 //! Bernstein inequality bounds their mean (Maurer and Pontil 2009, *Empirical Bernstein bounds and sample variance
 //! penalization*, Theorem 4).
 
@@ -65,7 +66,7 @@ impl MeanErrorSample {
         let channel = |source: &LightSource| source.radiance().into_iter().fold(0.0, f64::max);
         let channels: Vec<f64> = shining.iter().map(channel).collect();
         let sum = sum_of(&channels);
-        let range = (1.0 - scene.ambient) * sum;
+        let range = (1.0 - scene.ambient) * sum * scene.largest_phase();
         // Nothing errs where light does not depend on shadows.
         let points = if range > 0.0 { field.random_visible_points(scene, draws, SEED) } else { Vec::new() };
         for (i, point) in points.into_iter().enumerate() {

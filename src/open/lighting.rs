@@ -6,24 +6,30 @@ use crate::scene::{LightSource, Scene, Shading};
 use clap::ValueEnum as _;
 
 impl SceneSettings {
-    /// Returns the shading model: a phase function if only that is given.
-    pub(super) fn shading(&self) -> Result<Shading> {
+    /// Sets the shading model to a phase function if only that is given. It is called for each layer of settings, so that a
+    /// flag wins over either key of a scene file.
+    ///
+    /// # Errors
+    /// Both a phase function and another shading model are given.
+    pub(super) fn with_phase_function(mut self) -> Result<Self> {
         match (self.shading, self.phase) {
-            (None, Some(_)) | (Some(Shading::Phase), _) => Ok(Shading::Phase),
-            (Some(shading), Some(_)) => {
+            (None, Some(_)) => self.shading = Some(Shading::Phase),
+            (Some(shading), Some(_)) if shading != Shading::Phase => {
                 let name = shading.to_possible_value().map_or(String::new(), |value| value.get_name().into());
                 let why = format!("a phase function scatters light, and --shading {name} shades otherwise");
-                Err(Error::input("cannot use phase function", "--phase", why))
+                return Err(Error::input("cannot use phase function", "--phase", why));
             }
-            (shading, None) => Ok(shading.unwrap_or_default()),
+            _ => {}
         }
+        Ok(self)
     }
 
     /// Returns an error if the scene has more lights than the renderer supports.
     pub(super) fn check_lights(&self) -> Result<()> {
         self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))?;
         let most = Scene::MOST_SHADOW_MAPS;
-        match self.light.iter().flatten().map(LightSource::sample_count).sum::<usize>() {
+        match self.light.iter().flatten().filter(|l| l.shines()).map(LightSource::sample_count).sum::<usize>()
+        {
             count if count > most => {
                 let why = format!("they have {count} samples together, and at most {most} are drawn");
                 Err(Error::input("too many lights", "--light", why).hint("give fewer samples=N"))

@@ -72,6 +72,7 @@ impl SceneArgs {
     /// A scene file cannot be read.
     pub fn into_requests(self) -> Result<Vec<SceneRequest>> {
         let Self { request, scene } = self;
+        let request = SceneRequest { settings: request.settings.with_phase_function()?, ..request };
         if scene.is_empty() {
             return Ok(vec![request]);
         }

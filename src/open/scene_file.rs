@@ -66,10 +66,12 @@ impl SceneRequest {
             let error = Error::input(WHAT, unknown.join(", "), "unknown key");
             return Err(error.hint(format!("keys: {}", keys.join(", "))));
         }
-        table.iter().try_fold(Self::default(), |request, (key, value)| {
+        let mut request = Self::default();
+        for (key, value) in table {
             let of_key = Self::from_key(key, value).map_err(|why| Error::input(WHAT, key, why))?;
-            Ok(of_key.over(&request))
-        })
+            request = of_key.over(&request);
+        }
+        Ok(Self { settings: request.settings.with_phase_function()?, ..request })
     }
 
     /// Parses the value of a key in a scene file with the parser of the command-line flag of that name.

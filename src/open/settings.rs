@@ -98,7 +98,7 @@ pub struct SceneSettings {
     /// Shading by the gradient, of strands by their direction (kajiya-kay), or by a phase function (phase) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
-    /// Mean cosine of Henyey and Greenstein's phase function, -0.95 to 0.95, with --shading phase, which it stands for [default: 0]
+    /// Mean cosine g of the Henyey-Greenstein phase function, -0.95 to 0.95; implies --shading phase [default: 0]
     #[arg(long, value_name = "G", value_parser = values::within(-0.95..=0.95), allow_hyphen_values = true, help_heading = "Scene")]
     pub phase: Option<f64>,
     /// Background colour, sRGB or a name such as white; or none: black, and transparent in picture files [default: #000000]
@@ -247,7 +247,7 @@ impl SceneSettings {
             camera: self.camera(bounds, size)?,
             lights: lights.into_iter().map(|source| source.facing(center_mm)).collect(),
             ambient: self.ambient.unwrap_or(default.ambient),
-            shading: self.shading()?,
+            shading: self.shading.unwrap_or(default.shading),
             mean_cosine: self.phase.unwrap_or(default.mean_cosine),
             mesh: None,
             background: match self.background {
@@ -385,11 +385,21 @@ mod tests {
 
     #[test]
     fn a_phase_function_is_a_shading() {
-        let of = |arguments: &[&str]| scene(arguments).map(|scene| (scene.shading, scene.mean_cosine));
-        assert_eq!(of(&["--phase=-0.5"]).unwrap(), (Shading::Phase, -0.5));
-        assert_eq!(of(&["--shading=phase"]).unwrap(), (Shading::Phase, 0.0));
-        assert_eq!(of(&["--shading=phase", "--phase=0.6"]).unwrap(), (Shading::Phase, 0.6));
-        assert!(of(&["--shading=lambert", "--phase=0.6"]).unwrap_err().why.contains("lambert"));
+        let layer = |shading, phase| {
+            SceneSettings { shading, phase, ..SceneSettings::default() }.with_phase_function()
+        };
+        let [phase, lambert] = [Shading::Phase, Shading::Lambert].map(Some);
+        assert_eq!(layer(None, Some(0.6)).unwrap().shading, phase);
+        assert_eq!(layer(phase, None).unwrap().shading, phase);
+        assert!(layer(lambert, Some(0.6)).unwrap_err().why.contains("lambert"));
+        // A flag wins over either key of a file.
+        let over = |a: (Option<Shading>, _), b: (Option<Shading>, _)| {
+            layer(a.0, a.1).unwrap().over(&layer(b.0, b.1).unwrap()).shading
+        };
+        assert_eq!(over((None, Some(0.6)), (lambert, None)), phase);
+        assert_eq!(over((lambert, None), (None, Some(0.6))), lambert);
+        let read = SceneRequest::from_toml("phase = 0.6").unwrap().settings;
+        assert_eq!((read.shading, read.phase), (phase, Some(0.6)));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! equal everywhere if they are linear in the value, and the value is constant beyond the outer voxel centres in both.
 
 use crate::error::{Error, Result};
-use crate::files::output::write_whole;
+use crate::files::output::{prepare_output_dir, write_whole};
 use crate::random::Chance;
 use crate::scene::{Extent, Light, LightSource, Scene, Shading};
 use crate::transfer::TransferFunction;
@@ -23,6 +23,8 @@ const EXTINCTION_FILE: &str = "extinction.vol";
 const ALBEDO_FILE: &str = "albedo.vol";
 /// Samples a pixel in the exported scene.
 const SAMPLES: u32 = 256;
+/// Largest number of points of a grid.
+const MOST_POINTS: usize = 1 << 29;
 /// Number of random points at which the extinction of the grid is compared.
 const COMPARED_POINTS: usize = 20_000;
 
@@ -35,7 +37,7 @@ pub struct GridError {
     pub largest_extinction_per_mm: f64,
 }
 
-/// Writes a scene for Mitsuba 3 into a folder, which exists: `scene.xml`, `extinction.vol` and `albedo.vol`. The grids have
+/// Writes a scene for Mitsuba 3 into a folder, which is created: `scene.xml`, `extinction.vol` and `albedo.vol`. The grids have
 /// `supersample` points for each voxel along each axis.
 ///
 /// # Errors
@@ -48,7 +50,15 @@ pub fn write_mitsuba(
     supersample: usize,
 ) -> Result<GridError> {
     check(volume, tf, scene)?;
+    let count = volume.dims().iter().map(|n| n * supersample).product::<usize>();
+    if count > MOST_POINTS {
+        let why = format!("its grid would have {count} points, and at most {MOST_POINTS} are written");
+        return Err(
+            Error::input("cannot export to Mitsuba", "scene", why).hint("--supersample 1, or --downsample")
+        );
+    }
     let grid = Grid { volume, points: volume.dims().map(|n| n * supersample) };
+    prepare_output_dir(folder)?;
     let extinction = grid.values(|value| [tf.extinction(value)]);
     let albedo = grid.values(|value| tf.color(value));
     grid.write(&folder.join(EXTINCTION_FILE), &extinction)?;

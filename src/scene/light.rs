@@ -65,7 +65,7 @@ impl Default for Light {
     }
 }
 
-/// Size of a light source. Its radiance is uniform over its area or over its directions.
+/// Size of a light source. Equal shares of its area or of its solid angle contribute equal light.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Extent {
     /// The light has no size, and casts hard shadows.
@@ -124,7 +124,7 @@ impl LightSource {
     }
 
     /// Returns lights without size that represent the light source: `count` equal shares of its area or directions, in a
-    /// Fibonacci lattice shifted by `shift` (two numbers in `[0, 1)`). A light without a size is one itself.
+    /// Fibonacci lattice shifted by `shift` (two numbers in `[0, 1)`). For a light without a size it returns that light.
     pub fn lattice(&self, count: usize, shift: [f64; 2]) -> impl Iterator<Item = Light> + use<> {
         let source = *self;
         let count = if self.is_soft() { count } else { 1 };
@@ -178,6 +178,16 @@ impl LightSource {
         self
     }
 
+    /// Returns the light source turned about a point (world mm). A sky has no direction, and stays.
+    #[must_use]
+    pub fn turned(self, turn: DQuat, about_mm: DVec3) -> Self {
+        if self.extent == Extent::SKY {
+            self
+        } else {
+            Self { light: self.light.turned(turn, about_mm), ..self }
+        }
+    }
+
     /// Returns the light source without colour: white, of intensity 1.
     #[must_use]
     pub fn uncolored(self) -> Self {
@@ -211,7 +221,7 @@ impl LightSource {
         };
         let light = match self.extent {
             Extent::None => format!("{kind}:{place}"),
-            Extent::SKY => format!("sky{samples}"),
+            Extent::SKY if v == DVec3::Z => format!("sky{samples}"),
             Extent::Cone { angle_deg } => format!("sun:{place},angle={angle_deg}{samples}"),
             Extent::Disc { radius_mm, .. } => format!("disc:{place},radius={radius_mm}{samples}"),
         };
@@ -301,6 +311,7 @@ mod tests {
         let hard = LightSource::default();
         assert_eq!(hard.samples().collect::<Vec<_>>(), [hard]);
         let sky = LightSource { extent: Extent::SKY, intensity: 2.0, samples: 8, ..hard };
+        assert_eq!(sky.turned(DQuat::from_rotation_x(1.0), DVec3::ZERO), sky);
         let samples: Vec<_> = sky.samples().collect();
         assert_eq!(samples.len(), 8);
         assert!(samples.iter().all(|s| !s.is_soft() && s.intensity == 0.25));

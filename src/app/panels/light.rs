@@ -68,7 +68,8 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
             .accessible_name("ambient");
     });
     ui.horizontal_wrapped(|ui| {
-        let help = "From the gradient, or from the direction of strands (kajiya-kay)";
+        let help =
+            "From the gradient, from the direction of strands (kajiya-kay), or by a phase function (phase)";
         ui.label("Shading").on_hover_text(help);
         let of_strands = document.strands.is_some();
         for shading in Shading::ALL.into_iter().filter(|shading| of_strands || !shading.is_of_strands()) {
@@ -90,6 +91,9 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
 
 /// Shows the size of the edited light: the radius of a disc at a point, or the angular diameter of a light at infinity.
 fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
+    let maps = document.scene.lights.iter().map(LightSource::sample_count).sum::<usize>();
+    let others = maps - document.light().sample_count();
+    let left = Scene::MOST_SHADOW_MAPS.saturating_sub(others).max(1) as u32;
     let source = document.light_mut();
     ui.horizontal(|ui| {
         let is_point = matches!(source.light, Light::Point { .. });
@@ -107,9 +111,11 @@ fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
                 (true, true) => Extent::Disc { radius_mm: size, facing_mm: center_mm },
                 (true, false) => Extent::Cone { angle_deg: size },
             };
+            source.samples = source.samples.min(left);
         }
         if source.is_soft() {
-            let samples = egui::DragValue::new(&mut source.samples).range(1..=LightSource::MOST_SAMPLES);
+            let samples =
+                egui::DragValue::new(&mut source.samples).range(1..=LightSource::MOST_SAMPLES.min(left));
             ui.add(samples.prefix("samples "))
                 .on_hover_text("Lights without a size that represent it, each with a shadow map")
                 .accessible_name("light samples");
