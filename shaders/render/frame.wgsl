@@ -31,7 +31,7 @@ struct Frame {
     // Number of tiles at the start of the list for which rays are cast; the other tiles show only the background.
     tiles_cast: u32,
     world_z: vec3<f32>,
-    // Mean cosine of the phase function (PHASE_FUNCTION).
+    // Mean cosine of the phase function (`umbravox::shading` of render/phase.wgsl).
     mean_cosine: f32,
     // Light of this pass on a fully lit point, linear RGB, without the ambient part (LIGHT_FACTOR).
     light: vec3<f32>,

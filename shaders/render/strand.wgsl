@@ -1,7 +1,9 @@
 // Shading of strands by their directions (Kajiya and Kay 1989, "Rendering fur with three dimensional textures").
-#define_import_path umbravox::strand
+#define_import_path umbravox::shading
 
+#import umbravox::frame::frame
 #import umbravox::field::field
+#import umbravox::light::{light_point, light_ray}
 #import umbravox::work::{count_work, LOADS}
 
 // Second moments of the strands' directions in world axes, up to a common factor: xx, yy, zz, xy, and xz, yz.
@@ -26,4 +28,11 @@ fn strand_factor(g: vec3<f32>, l: vec3<f32>, e: vec3<f32>) -> f32 {
     let sine_e = sqrt(max(1.0 - dot(e, em), 0.0));
     let mirror = max(sine_l * sine_e - dot(e, lm), 0.0);
     return select(1.0, sine_l + #{HIGHLIGHT} * pow(mirror, #{GLOSS}), trace > 0.0);
+}
+
+// Returns the shading factor of strands at a grid-space point.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    let l = -normalize(to_world * light_ray(light_point(g).texel).d);
+    return strand_factor(g, l, -normalize(to_world * eye_direction));
 }

@@ -150,6 +150,7 @@ pub fn flag_error(e: &clap::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Shading;
     use clap::{CommandFactory, Parser};
 
     #[derive(Parser)]
@@ -236,7 +237,9 @@ mod tests {
             for settings in [one, other] {
                 let text = to_toml(settings);
                 assert!(text.is_empty() || text.starts_with(&format!("{key} = ")), "{key}: {text}");
-                assert_eq!(SceneRequest::from_toml(&text).unwrap(), *settings, "{text}");
+                let mut expected = settings.clone();
+                expected.settings = expected.settings.with_phase_function().unwrap();
+                assert_eq!(SceneRequest::from_toml(&text).unwrap(), expected, "{text}");
             }
             assert_ne!(one, other, "{key}");
             assert_eq!(one.over(&SceneRequest::default()), *one);
@@ -245,7 +248,9 @@ mod tests {
             let winner = if to_toml(other).is_empty() { one } else { other };
             assert_eq!(other.over(one), *winner, "{key}");
         }
-        let all = every.iter().fold(SceneRequest::default(), |all, (_, [one, _])| one.over(&all));
+        let mut all = every.iter().fold(SceneRequest::default(), |all, (_, [one, _])| one.over(&all));
+        // No other shading has a phase function.
+        all.settings.shading = Some(Shading::Phase);
         let text = to_toml(&all);
         assert_eq!(text.lines().count(), every.len(), "{text}");
         assert_eq!(SceneRequest::from_toml(&text).unwrap(), all);

@@ -337,8 +337,7 @@ fn raycast_shader(
             "render/resumption.wgsl",
             "render/mean_light.wgsl",
         ])
-        .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
-        .modules(if shading == Shading::None { &[] } else { &["render/shading.wgsl"] })
+        .modules(shading_module(shading))
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_ray_march(skip_bricks)
@@ -371,14 +370,24 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     list
 }
 
+/// Returns the file of the module `umbravox::shading` of a kind of shading.
+fn shading_module(shading: Shading) -> &'static [&'static str] {
+    match shading {
+        Shading::None => &[],
+        Shading::Lambert | Shading::BlinnPhong => &["render/gradient.wgsl"],
+        Shading::KajiyaKay => &["render/strand.wgsl"],
+        Shading::Phase => &["render/phase.wgsl"],
+    }
+}
+
 /// Returns the names that a kind of shading defines in the shader, for `#ifdef`.
 fn shading_defs(shading: Shading) -> &'static [&'static str] {
     match shading {
         Shading::None => &[],
         Shading::Lambert => &["SHADED", "SHADING_FACTOR", "SHADING"],
         Shading::BlinnPhong => &["SHADED", "SHADING_FACTOR", "SHADING", "BLINN_PHONG"],
-        Shading::KajiyaKay => &["SHADED", "SHADING_FACTOR", "SHADING", "KAJIYA_KAY"],
-        Shading::Phase => &["SHADED", "SHADING_FACTOR", "PHASE_FUNCTION"],
+        Shading::KajiyaKay => &["SHADED", "SHADING_FACTOR", "SHADING"],
+        Shading::Phase => &["SHADED", "SHADING_FACTOR"],
     }
 }
 
