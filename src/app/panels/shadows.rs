@@ -12,6 +12,8 @@ use eframe::egui;
 const BUTTONS_WIDTH: f32 = 122.0;
 /// Maximum number of named values of a shadow-method setting that are shown as buttons instead of a list.
 const MAX_BUTTONS: usize = 4;
+/// Largest number of letters on the buttons of one setting.
+const MAX_LETTERS: usize = 22;
 
 /// Shows the shadow section of the side panel: shadow method, settings and build report.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
@@ -123,7 +125,8 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let options = if let Kind::Choice(names) = key.kind { names } else { &[] };
-        if options.len() > MAX_BUTTONS {
+        let letters = options.iter().map(|option| option.len()).sum::<usize>();
+        if options.len() > MAX_BUTTONS || letters > MAX_LETTERS {
             let list = egui::ComboBox::from_id_salt((method, key.name)).selected_text(value.as_str());
             let list = list.show_ui(ui, |ui| {
                 for option in options {
