@@ -36,7 +36,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "methods", "embed_volume"])]
     pub mitsuba: Option<PathBuf>,
     /// Grid points of --mitsuba for each voxel along each axis, for functions that are not linear in the value
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "mitsuba", value_parser = clap::value_parser!(u8).range(1..=8))]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "mitsuba", conflicts_with = "output", value_parser = clap::value_parser!(u8).range(1..=8))]
     pub supersample: u8,
     /// Shadow methods of the page separated by `;`, each with settings such as dsm:map=256
     #[arg(long, value_name = "METHODS", default_value = "dsm;rays;avsm;osm;fourier;none")]

@@ -276,3 +276,48 @@ fn matrix(transform: DAffine3) -> String {
     let rows = DMat4::from(transform).transpose().to_cols_array();
     rows.map(|x| x.to_string()).join(" ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phantom::Phantom;
+    use crate::transfer::Quantity;
+
+    #[test]
+    fn grids_are_exact_for_linear_functions_and_finer_ones_nearer_for_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let volume = Phantom::Shell.build(8).unwrap();
+        let scene = Scene { ambient: 0.0, ..Scene::framing(&volume) };
+        let written = |name: &str, points: &[(f64, f64)], supersample: usize| {
+            let tf = TransferFunction::new(Quantity::Extinction, points);
+            write_mitsuba(&folder.path().join(name), &volume, &tf, &scene, supersample).unwrap()
+        };
+        let linear = written("linear", &[(-10.0, 0.0), (2000.0, 0.2)], 1);
+        assert!(linear.max_per_mm < 1e-7 && linear.largest_extinction_per_mm > 0.05, "{linear:?}");
+        let bent = [(0.0, 0.0), (400.0, 0.0), (500.0, 0.2)];
+        let [coarse, fine] = [("coarse", 1), ("fine", 8)].map(|(name, n)| written(name, &bent, n).max_per_mm);
+        assert!(coarse > 0.01 && fine < 0.6 * coarse, "{coarse}, {fine}");
+        let points = volume.dims().iter().product::<usize>() as u64;
+        let bytes = |name: &str| std::fs::metadata(folder.path().join("linear").join(name)).unwrap().len();
+        assert_eq!([bytes(EXTINCTION_FILE), bytes(ALBEDO_FILE)], [48 + 4 * points, 48 + 12 * points]);
+    }
+
+    #[test]
+    fn scenes_without_a_counterpart_are_refused_before_a_folder_is_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let volume = Phantom::Shell.build(8).unwrap();
+        let tf = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.0), (900.0, 0.2)]);
+        let dark = Scene { ambient: 0.0, ..Scene::framing(&volume) };
+        let point = Light::Point { position: DVec3::ONE };
+        let sun = LightSource { extent: Extent::Cone { angle_deg: 5.0 }, ..LightSource::default() };
+        for scene in [
+            Scene::framing(&volume),
+            Scene { shading: Shading::Lambert, ..dark.clone() },
+            dark.under(point.into()),
+            dark.under(sun),
+        ] {
+            let path = folder.path().join("scene");
+            assert!(write_mitsuba(&path, &volume, &tf, &scene, 1).is_err() && !path.exists());
+        }
+    }
+}
