@@ -1,13 +1,16 @@
 //! Camera, lights and picture settings of a scene.
 
 mod light;
+mod sky_map;
 
 pub use self::light::{Extent, Light, LightSource};
+pub use self::sky_map::{SkyMap, SkyRadiance};
 
 use crate::mesh::Mesh;
 use crate::volume::Volume;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::sync::Arc;
 
 /// Pinhole camera with positions in world millimetres.
@@ -142,6 +145,45 @@ pub enum Skip {
     None,
 }
 
+/// Occlusion of ambient light by matter near a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AmbientOcclusion {
+    /// Distance within which matter occludes ambient light, mm.
+    pub radius_mm: f64,
+    /// Number of rays around a point, from 1 to [`LightSource::MOST_SAMPLES`].
+    pub samples: u32,
+}
+
+impl AmbientOcclusion {
+    /// Default number of rays around a point.
+    pub const DEFAULT_SAMPLES: u32 = 32;
+
+    /// Returns the directions of the rays around a point: a Fibonacci lattice over the sphere, of unit vectors.
+    pub fn directions(self) -> Vec<DVec3> {
+        let toward = DVec3::Z;
+        let sky = LightSource { extent: Extent::SKY, ..Light::Directional { toward }.into() };
+        let lattice = sky.lattice(self.samples as usize, [0.0; 2]);
+        lattice.map(|sample| sample.light.from_point(DVec3::ZERO).0).collect()
+    }
+}
+
+/// Writes the radius in mm and, where it is not the default, the number of rays: the syntax of `--ambient-occlusion`.
+impl fmt::Display for AmbientOcclusion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.radius_mm)?;
+        match self.samples {
+            Self::DEFAULT_SAMPLES => Ok(()),
+            samples => write!(f, ",samples={samples}"),
+        }
+    }
+}
+
+impl Serialize for AmbientOcclusion {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 /// Settings of a picture apart from volume, transfer function and shadow method: camera, lights, shading and size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
@@ -151,10 +193,12 @@ pub struct Scene {
     pub lights: Vec<LightSource>,
     /// Ambient fraction of the light, in `[0, 1]`: the part that shadows do not affect.
     pub ambient: f64,
+    /// Occlusion of ambient light by matter near a point; `None`: nothing occludes it.
+    pub ambient_occlusion: Option<AmbientOcclusion>,
     /// Shading model for the light that reaches each sample of the volume.
     pub shading: Shading,
-    /// Mean cosine `g` of the phase function of Henyey and Greenstein, in `(-1, 1)`, for [`Shading::Phase`]: positive for
-    /// forward scattering, 0 for light that is scattered equally in all directions.
+    /// Mean cosine `g` of the phase function of Henyey and Greenstein, in `(-1, 1)`, for [`Shading::Phase`]: positive
+    /// for forward scattering, 0 for light that is scattered equally in all directions.
     pub mean_cosine: f64,
     /// Opaque triangle mesh drawn inside the volume, if any.
     pub mesh: Option<Arc<Mesh>>,
@@ -180,8 +224,8 @@ impl Scene {
     /// Returns the scene's light sources that are not black, in order. If all are black, it returns only the first one,
     /// since a picture needs one render pass.
     pub fn sources_shining(&self) -> Vec<LightSource> {
-        let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
-        if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
+        let shining: Vec<_> = self.lights.iter().filter(|source| source.shines()).cloned().collect();
+        if shining.is_empty() { self.lights.iter().take(1).cloned().collect() } else { shining }
     }
 
     /// Returns the lights without size that shadow methods render, one for each shadow map: [`Self::sources_shining`],
@@ -193,6 +237,17 @@ impl Scene {
     /// Whether a light of the scene that is not black has a size.
     pub fn has_soft_light(&self) -> bool {
         self.sources_shining().iter().any(LightSource::is_soft)
+    }
+
+    /// Whether a light of the scene that is not black is a sky with a map.
+    pub fn has_sky_map(&self) -> bool {
+        self.sources_shining().iter().any(|source| matches!(source.extent, Extent::Map(_)))
+    }
+
+    /// Ambient occlusion that a picture of the scene has: `None` without ambient light, and with opaque objects, whose
+    /// occlusion is not computed.
+    pub fn occlusion(&self) -> Option<AmbientOcclusion> {
+        self.ambient_occlusion.filter(|_| self.ambient > 0.0 && self.mesh.is_none())
     }
 
     /// Largest factor by which a phase function increases the light that is scattered to the eye; 1 without one.
@@ -209,7 +264,7 @@ impl Scene {
     /// Returns the scene's lights that are not black, each with its index from 1 in the scene. The list is empty if
     /// there are fewer than two.
     pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
-        let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());
+        let numbered = (1..).zip(self.lights.iter().cloned()).filter(|(_, source)| source.shines());
         let lights: Vec<_> = numbered.collect();
         if lights.len() > 1 { lights } else { Vec::new() }
     }
@@ -231,6 +286,7 @@ impl Scene {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),
             lights: vec![LightSource::default()],
             ambient: 0.1,
+            ambient_occlusion: None,
             shading: Shading::None,
             mean_cosine: 0.0,
             mesh: None,
@@ -255,11 +311,15 @@ mod tests {
             intensity,
             ..LightSource::default()
         });
-        let scene = |lights: &[LightSource]| Scene { lights: lights.to_vec(), ..Scene::framing(&volume) };
-        assert_eq!(scene(&[dark, a, black, a]).shining(), [a, a]);
-        assert_eq!(scene(&[dark, black]).shining(), [dark]);
-        assert_eq!(scene(&[dark, a, black, a]).lights_apart(), [(2, a), (4, a)]);
-        assert_eq!(scene(&[dark, a]).lights_apart(), []);
+        let scene = |lights: &[&LightSource]| Scene {
+            lights: lights.iter().copied().cloned().collect(),
+            ..Scene::framing(&volume)
+        };
+        assert_eq!(scene(&[&dark, &a, &black, &a]).shining(), [a.clone(), a.clone()]);
+        assert_eq!(scene(&[&dark, &black]).shining(), std::slice::from_ref(&dark));
+        let apart = scene(&[&dark, &a, &black, &a]).lights_apart();
+        assert_eq!(apart, [(2, a.clone()), (4, a.clone())]);
+        assert_eq!(scene(&[&dark, &a]).lights_apart(), []);
         assert_eq!(a.radiance(), [0.25; 3]);
     }
 }

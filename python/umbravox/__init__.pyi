@@ -85,6 +85,7 @@ class SceneArguments(TypedDict, total=False):
     mesh: _Path | Sequence[_Path] | None
     strands: _Path | Sequence[_Path] | None
     ambient: float | None
+    ambient_occlusion: float | str | None
     shading: str | None
     phase: float | None
     background: str | None

@@ -29,7 +29,7 @@ def turned(light: str, target: Any, toward: Any) -> str:
 
 
 def _parts(light: str) -> tuple[str, Any, list[str]]:
-    if light.split(",")[0] == "sky":
+    if light.split(",")[0] == "sky" or light.startswith("sky:"):
         return "sky", np.array([0.0, 0.0, 1.0]), []
     kind, rest = light.split(":", 1)
     words = rest.split(",")

@@ -196,7 +196,7 @@ impl Document {
 
     /// Returns the light source that the light panel edits.
     pub fn light(&self) -> LightSource {
-        self.scene.lights.get(self.chosen_light()).copied().unwrap_or_default()
+        self.scene.lights.get(self.chosen_light()).cloned().unwrap_or_default()
     }
 
     /// Returns a mutable reference to the light source that the light panel edits.

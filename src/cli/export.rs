@@ -151,9 +151,10 @@ pub fn scene_page(
 /// allowed, or if it cannot show the scene's lights.
 ///
 /// # Errors
-/// The scene reads a file, and `is_allowed` is false; or a light has a size.
+/// The scene reads a file, and `is_allowed` is false; a light has a size; or the scene has ambient occlusion.
 pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
     settings.hard_lights("page")?;
+    settings.open_ambient("page")?;
     let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
     let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
     match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {

@@ -87,7 +87,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let method = settings.method()?;
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings)?;
-        let source = scene.lights.first().copied().unwrap_or_default();
+        let source = scene.lights.first().cloned().unwrap_or_default();
         let (exact, standard_error) = ExactField::new(&volume, &tf).transmittances_from(&points, &source);
         if source.is_soft() {
             let about = "T_exact is a mean over the light, with a standard error of";

@@ -138,6 +138,10 @@ impl RenderJob<'_> {
     /// Draws and writes a single picture.
     fn draw_one(&self, session: &mut CachedSession) -> Result<Summary> {
         let Self { args, loaded: Loaded { volume, strands, tf, scene, .. }, .. } = self;
+        if args.error_bound && scene.has_sky_map() {
+            let why = "shadows under the map of a sky have a mean error by luminance, which bounds no single colour";
+            return Err(Error::input("cannot bound error", "--error-bound", why));
+        }
         let asked = args.error_bound || args.certify.is_some();
         let exact = asked.then(|| exact_field((volume, tf), strands.as_deref(), scene)).transpose()?;
         let extent = (scene, MapCoverage::Picture);

@@ -170,8 +170,8 @@ fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
 /// belong to the old volume.
 fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
     let suitable = |source: &LightSource| match source.light {
-        Light::Directional { .. } => *source,
-        Light::Point { .. } => LightSource { light: framed.light(), extent: Extent::None, ..*source },
+        Light::Directional { .. } => source.clone(),
+        Light::Point { .. } => LightSource { light: framed.light(), extent: Extent::None, ..source.clone() },
     };
     scene.lights.iter().map(suitable).collect()
 }

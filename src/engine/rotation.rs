@@ -43,9 +43,10 @@ impl Rotation {
             |from_axis: DVec3| from_axis.cross(up).length() > 1e-9 * from_axis.length() * up.length();
         self == Self::Camera
             || scene.sources_shining().iter().filter(|source| source.extent != Extent::SKY).any(|source| {
-                match source.light {
-                    Light::Directional { toward } => is_off(toward),
-                    Light::Point { position } => is_off(position - target),
+                match (&source.extent, source.light) {
+                    (Extent::Map(_), _) => true,
+                    (_, Light::Directional { toward }) => is_off(toward),
+                    (_, Light::Point { position }) => is_off(position - target),
                 }
             })
     }
@@ -61,7 +62,7 @@ impl Rotation {
         match self {
             Self::Camera => Scene { camera: Camera { eye: around(eye), ..scene.camera }, ..scene.clone() },
             Self::Lights => {
-                let turned = |source: &LightSource| source.turned(turn, target);
+                let turned = |source: &LightSource| source.clone().turned(turn, target);
                 Scene { lights: scene.lights.iter().map(turned).collect(), ..scene.clone() }
             }
         }

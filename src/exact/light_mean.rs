@@ -1,10 +1,10 @@
 //! Mean transmittance from a light with a size to a point, by nested quadrature over the light.
 //!
-//! The light is sampled by Fibonacci lattices (see [`LightSource::lattice`]) with several random shifts. The means of the
-//! shifts are independent and unbiased, so that their scatter gives the standard error of their mean (randomised
-//! quasi-Monte Carlo; L'Ecuyer and Lemieux 2002, *Recent advances in randomized quasi-Monte Carlo methods*). Lattices are
-//! made finer until it is small. The result comes from other shifts of a lattice four times as fine, since the shifts that
-//! ended the refinement would give too small an error.
+//! The light is sampled by Fibonacci lattices (see [`LightSource::lattice`]) with several random shifts. The means of
+//! the shifts are independent and unbiased, so that their scatter gives the standard error of their mean (randomised
+//! quasi-Monte Carlo; L'Ecuyer and Lemieux 2002, *Recent advances in randomized quasi-Monte Carlo methods*). Lattices
+//! are made finer until it is small. The result comes from other shifts of a lattice twice as fine, since the shifts
+//! that ended the refinement would give too small an error.
 
 use super::ExactField;
 use crate::random::{mix, mix_to_unit};
@@ -17,7 +17,7 @@ const SHIFTS: u64 = 8;
 /// Numbers of points of a lattice by which the number for the result is chosen, from the first to the finest.
 const LATTICES: [usize; 3] = [64, 256, 1024];
 /// Factor on the number of points for the result.
-const FINER: usize = 4;
+const FINER: usize = 2;
 /// Standard error at which the lattice is fine enough.
 const TOLERANCE: f64 = 5e-4;
 
@@ -31,9 +31,9 @@ pub struct MeanTransmittance {
 }
 
 impl ExactField<'_> {
-    /// Returns the mean transmittance from a light source to the point `x` (world mm). For a light with a size, the lattice
-    /// is refined until the standard error is estimated at 5e-4 or less, or up to 32,768 rays. An occluder that covers
-    /// less than a thousandth of the light may be missed. Without a size the transmittance is exact
+    /// Returns the mean transmittance from a light source to the point `x` (world mm). For a light with a size, the
+    /// lattice is refined until the standard error is estimated at 5e-4 or less, or up to 16,384 rays. An occluder that
+    /// covers less than a thousandth of the light may be missed. Without a size the transmittance is exact
     /// ([`Self::transmittance_to_light`]).
     pub fn transmittance_from(&self, x: DVec3, source: &LightSource) -> MeanTransmittance {
         if !source.is_soft() {
@@ -60,7 +60,7 @@ impl ExactField<'_> {
         let mean_of_shift = |shift: u64| {
             let shift = [2 * shift, 2 * shift + 1].map(|i| mix_to_unit(seed ^ i));
             let lights = source.lattice(count, shift);
-            lights.map(|light| self.transmittance_to_light(x, &light)).sum::<f64>() / count as f64
+            lights.map(|sample| self.transmittance_to_light(x, &sample.light)).sum::<f64>() / count as f64
         };
         let means: Vec<f64> = (0..SHIFTS).map(mean_of_shift).collect();
         let n = SHIFTS as f64;
@@ -69,8 +69,8 @@ impl ExactField<'_> {
         MeanTransmittance { value, standard_error: (variance / n).sqrt() }
     }
 
-    /// Returns the mean transmittances from a light source to points (world mm), and the root mean square of their standard
-    /// errors ([`Self::transmittance_from`]).
+    /// Returns the mean transmittances from a light source to points (world mm), and the root mean square of their
+    /// standard errors ([`Self::transmittance_from`]).
     pub fn transmittances_from(&self, points_mm: &[DVec3], source: &LightSource) -> (Vec<f64>, f64) {
         let found: Vec<_> = points_mm.par_iter().map(|x| self.transmittance_from(*x, source)).collect();
         let squares = found.iter().map(|mean| mean.standard_error.powi(2)).sum::<f64>();

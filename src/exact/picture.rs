@@ -7,10 +7,10 @@
 //! the light are sampled together, by a low-discrepancy sequence: a nested quadrature would meet the edges of shadows of
 //! every sample.
 
-use super::ExactField;
+use super::{ExactField, OPAQUE};
 use crate::mesh::{Hit, SURFACE_GAP};
 use crate::random::low_discrepancy;
-use crate::scene::{Light, Scene};
+use crate::scene::{AmbientOcclusion, Extent, Light, LightSource, Scene};
 use glam::DVec3;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -100,15 +100,25 @@ impl ExactField<'_> {
     ///
     /// [`LightSource::sample`]: crate::scene::LightSource::sample
     fn lit(&self, scene: &Scene, x: DVec3, position: [f64; 2], factor: impl Fn(&Light) -> f64) -> [f64; 3] {
-        let mut lit = [scene.ambient; 3];
+        let mut lit = [scene.ambient * self.ambient_transmittance(scene, x, position); 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
-            let light = source.sample(position);
-            let share =
-                (1.0 - scene.ambient) * factor(&light) * self.transmittance_past_mesh(scene, x, &light);
-            let radiance = source.radiance();
+            let sample = source.sample(position);
+            let share = (1.0 - scene.ambient)
+                * factor(&sample.light)
+                * self.transmittance_past_mesh(scene, x, &sample.light);
+            let radiance = sample.radiance();
             (0..3).for_each(|c| lit[c] += share * radiance[c]);
         }
         lit
+    }
+
+    /// Returns the transmittance of ambient light to a point (world mm) from one direction, within the radius of the
+    /// ambient occlusion; 1 without. `position` chooses the direction, as on a sky ([`LightSource::sample`]).
+    fn ambient_transmittance(&self, scene: &Scene, x: DVec3, position: [f64; 2]) -> f64 {
+        let Some(AmbientOcclusion { radius_mm, .. }) = scene.occlusion() else { return 1.0 };
+        let sky = LightSource { extent: Extent::SKY, ..LightSource::default() };
+        let (toward, _) = sky.sample(position).light.from_point(x);
+        (-self.optical_depth_along(x, toward, radius_mm, OPAQUE)).exp()
     }
 
     /// Returns the exact linear RGB and opacity of one pixel, along the camera ray through its centre.
@@ -123,7 +133,7 @@ impl ExactField<'_> {
             let tau = (-(-w).ln_1p()).min(curve.total());
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
-            let lit = match scene.ambient >= 1.0 {
+            let lit = match scene.ambient >= 1.0 && scene.occlusion().is_none() {
                 true => [1.0; 3],
                 false => {
                     self.lit(scene, x, position, |light| self.shading_factor(x, direction, light, scene))
@@ -132,7 +142,7 @@ impl ExactField<'_> {
             let color = self.transfer_function.function(found.function).color(found.value);
             std::array::from_fn(|c| color[c] * lit[c])
         };
-        let is_soft = scene.has_soft_light() && scene.ambient < 1.0;
+        let is_soft = (scene.has_soft_light() && scene.ambient < 1.0) || scene.occlusion().is_some();
         let color = match opacity > 0.0 {
             true if is_soft => {
                 let mean = mean_of_samples(rule, |[share, u, v]| light_at(share * opacity, [u, v]));

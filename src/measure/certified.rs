@@ -85,11 +85,14 @@ pub const DEFAULT_ETA: f64 = 0.03;
 /// Returns whether pictures of a scene can be certified.
 ///
 /// # Errors
-/// The scene has opaque objects, or a light with a size.
+/// The scene has opaque objects, a light with a size, or ambient occlusion.
 pub fn check(scene: &Scene) -> Result<()> {
     let refuse = |why: &str| Err(Error::input("cannot certify", "picture", why));
     if scene.mesh.is_some() {
         return refuse("opaque objects hide light, of which the shadow map knows nothing");
+    }
+    if scene.occlusion().is_some() {
+        return refuse("the error of ambient occlusion is not bounded");
     }
     if scene.has_soft_light() {
         return refuse("the bound is that of lights without a size");

@@ -78,7 +78,7 @@ impl ExactView {
         quantity: Quantity,
         go_on: impl Fn() -> bool,
     ) -> Option<Self> {
-        let (scene, source) = (scene.clone(), scene.lights.first().copied().unwrap_or_default());
+        let (scene, source) = (scene.clone(), scene.lights.first().cloned().unwrap_or_default());
         let mut visible = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {

@@ -44,7 +44,7 @@ impl VisiblePoints {
     /// Chooses about `count` points visible to the camera and computes the exact transmittance from the scene's first
     /// light to each. Fewer points, or none, are chosen where little is visible.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        let source = scene.lights.first().copied().unwrap_or_default();
+        let source = scene.lights.first().cloned().unwrap_or_default();
         Self::of(field, &field.visible_points(scene, count, SEED), &source)
     }
 

@@ -6,7 +6,7 @@ use super::job::Job;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::Session;
-use crate::scene::{Camera, Light, LightSource, Scene};
+use crate::scene::{Camera, Extent, Light, LightSource, Scene};
 use crate::shadow::Method;
 use glam::{DQuat, DVec3};
 
@@ -54,7 +54,7 @@ impl FlickerReference {
         for angle in angles() {
             progress()?;
             let mut moved = scene.clone();
-            moved.lights.iter_mut().for_each(|source| *source = turned(*source, middle_mm, angle));
+            moved.lights.iter_mut().for_each(|source| *source = turned(source, middle_mm, angle));
             let sources = moved.sources_shining();
             let parts = visible.parts().iter().zip(&sources);
             let exact =
@@ -141,13 +141,19 @@ impl Scatter {
 }
 
 /// Returns a light turned about the middle of the volume. A point light in the middle itself stays.
-fn turned(source: LightSource, middle_mm: DVec3, angle: f64) -> LightSource {
-    let from_middle = match source.light {
-        Light::Directional { toward } => toward,
-        Light::Point { position } => position - middle_mm,
+fn turned(source: &LightSource, middle_mm: DVec3, angle: f64) -> LightSource {
+    let axis = match (&source.extent, source.light) {
+        (Extent::Map(_), _) => Some(DVec3::Z),
+        (_, Light::Directional { toward }) => across(toward),
+        (_, Light::Point { position }) => across(position - middle_mm),
     };
-    let axis = from_middle.try_normalize().map(|unit| unit.any_orthonormal_vector());
-    axis.map_or(source, |axis| source.turned(DQuat::from_axis_angle(axis, angle), middle_mm))
+    let turn = axis.map_or(DQuat::IDENTITY, |axis| DQuat::from_axis_angle(axis, angle));
+    source.clone().turned(turn, middle_mm)
+}
+
+/// Returns a unit vector that is orthogonal to a direction, unless its length is 0.
+fn across(direction: DVec3) -> Option<DVec3> {
+    direction.try_normalize().map(|unit| unit.any_orthonormal_vector())
 }
 
 /// Returns a camera turned about its target, to the side.
@@ -187,7 +193,7 @@ mod tests {
         let middle = DVec3::new(1.0, 2.0, 3.0);
         let angle = 0.01_f64;
         let toward = DVec3::new(0.3, -0.4, 0.5);
-        let turned = |light: Light| turned(light.into(), middle, angle).light;
+        let turned = |light: Light| turned(&light.into(), middle, angle).light;
         let Light::Directional { toward: turned_to } = turned(Light::Directional { toward }) else {
             panic!("directional")
         };

@@ -38,6 +38,33 @@ impl SceneSettings {
         }
     }
 
+    /// Returns an error if the scene has ambient occlusion and opaque objects.
+    pub(super) fn check_occlusion(&self) -> Result<()> {
+        match self.ambient_occlusion.is_some()
+            && (self.opaque.mesh.is_some() || self.opaque.strands.is_some())
+        {
+            true => {
+                let why = "the occlusion by opaque objects (--mesh, --strands) is not computed";
+                Err(Error::input("cannot occlude ambient light", "--ambient-occlusion", why))
+            }
+            false => Ok(()),
+        }
+    }
+
+    /// Returns an error if the scene has ambient occlusion, for a command that does not support it.
+    ///
+    /// # Errors
+    /// The scene has ambient occlusion.
+    pub fn open_ambient(&self, command: &str) -> Result<()> {
+        match self.ambient_occlusion {
+            Some(_) => {
+                let why = format!("`{command}` has no ambient occlusion");
+                Err(Error::input("bad scene", "--ambient-occlusion", why))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Returns an error if the scene has several lights, for a command that supports only one light.
     ///
     /// # Errors

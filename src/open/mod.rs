@@ -15,6 +15,7 @@ mod request;
 mod scene_file;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
+mod sky;
 mod strands;
 pub mod units;
 pub mod user_presets;

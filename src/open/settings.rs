@@ -4,13 +4,14 @@ use super::layer::{Layer, layer};
 use super::masking::MaskFlags;
 use super::meshes::OpaqueFlags;
 use super::presets::{PRESETS, Suiting};
+use super::sky::opened;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::{ReadFlags, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::render::DisabledOptimizations;
 use crate::render::VisibleBounds;
-use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
+use crate::scene::{AmbientOcclusion, AxisView, Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{METHODS, Method, MethodSpec};
 use clap::Args;
 use glam::DVec3;
@@ -82,9 +83,9 @@ pub struct SceneSettings {
     #[arg(long, value_name = "DEG", value_parser = values::within(0.001..=179.9), allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
     /// Light, may be given several times: dir:x,y,z (or x,y,z) towards a light at infinity, or point:x,y,z in world mm.
-    /// With a size, for soft shadows: sun:x,y,z,angle=DEG, disc:x,y,z,radius=MM or sky, optionally ,samples=N (default: 16
-    /// shadow maps). Then optionally ,color=#rrggbb (sRGB, or a name; default: white) and ,intensity=F (default: 1)
-    /// [default: dir:0.5,0.5,0.7071]
+    /// With a size, for soft shadows: sun:x,y,z,angle=DEG, disc:x,y,z,radius=MM, sky, or sky:FILE[,turn=DEG] for an
+    /// equirectangular map (.hdr, .exr), optionally ,samples=N (default: 16 shadow maps). Then optionally ,color=#rrggbb
+    /// (sRGB, or a name; default: white) and ,intensity=F (default: 1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
@@ -95,6 +96,10 @@ pub struct SceneSettings {
     /// Share of ambient light, which shadows do not affect, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::within(0.0..=1.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
+    /// Ambient occlusion: matter within this distance of a point occludes ambient light, mm, optionally ,samples=N for the
+    /// number of rays around the point (default: 32) [default: nothing occludes it]
+    #[arg(id = "ambient-occlusion", long, value_name = "MM", value_parser = values::ambient_occlusion, allow_hyphen_values = true, help_heading = "Scene")]
+    pub ambient_occlusion: Option<AmbientOcclusion>,
     /// Shading by the gradient, of strands by their direction (kajiya-kay), or by a phase function (phase) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
@@ -236,17 +241,20 @@ impl SceneSettings {
     /// volume. The scene has no opaque objects; [`Self::load`] reads them.
     ///
     /// # Errors
-    /// There are too many lights, or the camera has no direction: eye at the target, or up along the view.
+    /// There are too many lights, the map of a sky cannot be read, or the camera has no direction: eye at the target, or up
+    /// along the view.
     pub fn scene(&self, bounds: &VisibleBounds) -> Result<Scene> {
         let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         self.check_lights()?;
+        self.check_occlusion()?;
         let lights = self.light.clone().filter(|lights| !lights.is_empty()).unwrap_or(default.lights);
         let center_mm = bounds.volume().center_mm();
         Ok(Scene {
             camera: self.camera(bounds, size)?,
-            lights: lights.into_iter().map(|source| source.facing(center_mm)).collect(),
+            lights: lights.into_iter().map(|source| opened(source, center_mm)).collect::<Result<_>>()?,
             ambient: self.ambient.unwrap_or(default.ambient),
+            ambient_occlusion: self.ambient_occlusion,
             shading: self.shading.unwrap_or(default.shading),
             mean_cosine: self.phase.unwrap_or(default.mean_cosine),
             mesh: None,
@@ -264,11 +272,11 @@ impl SceneSettings {
 
     /// Returns the settings that describe a volume and a scene, the inverse of [`Self::spec`] and [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
-        let Scene { camera, ambient, shading, background, step, skip, width, height, .. } = *scene;
+        let Scene { camera, ambient, ambient_occlusion, shading, background, step, skip, .. } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
         let background = if is_transparent { Background::None } else { Background::Color(background) };
         Self {
-            size: Some(Size { width, height }),
+            size: Some(Size { width: scene.width, height: scene.height }),
             eye: Some(eye),
             target: Some(target),
             up: Some(up),
@@ -276,6 +284,7 @@ impl SceneSettings {
             light: Some(scene.lights.clone()),
             opaque: OpaqueFlags::of(scene.mesh.as_deref()),
             ambient: Some(ambient),
+            ambient_occlusion: ambient_occlusion.filter(|_| scene.mesh.is_none()),
             shading: Some(shading),
             phase: (shading == Shading::Phase).then_some(scene.mean_cosine),
             background: Some(background),
@@ -378,7 +387,8 @@ mod tests {
         );
         assert_eq!(one.over(&two), one);
         assert!(one.one_light("probe").is_ok() && two.one_light("probe").is_err());
-        let with = |count| SceneSettings { light: Some(vec![lights[0]; count]), ..SceneSettings::default() };
+        let with =
+            |count| SceneSettings { light: Some(vec![lights[0].clone(); count]), ..SceneSettings::default() };
         assert!(with(17).check_lights().unwrap_err().why.contains("17"));
         assert!(with(16).check_lights().is_ok());
     }

@@ -1,7 +1,7 @@
 //! Parsers for the values of command-line flags. Each returns an error as a reason in one line.
 
 use crate::files::color;
-use crate::scene::{AXIS_VIEWS, AxisView, Extent, Light, LightSource};
+use crate::scene::{AXIS_VIEWS, AmbientOcclusion, AxisView, Extent, Light, LightSource, SkyMap};
 use crate::strands::{MAX_MM, RESOLUTIONS};
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -73,7 +73,9 @@ pub fn sha256(text: &str) -> Result<String, String> {
 }
 
 /// Forms of a light on the command line, for error messages.
-const LIGHT_FORMS: &str = "expected dir:x,y,z, point:x,y,z, disc:x,y,z,radius=MM, sun:x,y,z,angle=DEG or sky";
+const OF_OTHERS: &str = "radius= belongs to disc:x,y,z and angle= to sun:x,y,z";
+const LIGHT_FORMS: &str =
+    "expected dir:x,y,z, point:x,y,z, disc:x,y,z,radius=MM, sun:x,y,z,angle=DEG, sky or sky:FILE";
 
 fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
@@ -118,21 +120,23 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// Parses a light: `dir:x,y,z` (or `x,y,z` alone), `point:x,y,z`, `disc:x,y,z,radius=MM`, `sun:x,y,z,angle=DEG` or `sky`.
+/// Parses a light: `dir:x,y,z` (or `x,y,z` alone), `point:x,y,z`, `disc:x,y,z,radius=MM`, `sun:x,y,z,angle=DEG`, `sky`
+/// or `sky:FILE`.
 /// Then optionally `,samples=N` for a light with a size, `,color=` with `#rrggbb` (sRGB) or a name, and `,intensity=F`,
 /// each at most once.
 pub fn light(text: &str) -> Result<LightSource, String> {
-    let (place, [color, intensity, radius, angle, samples]) =
-        with_keys(text, ["color", "intensity", "radius", "angle", "samples"])?;
-    if let Some((item, _)) = place.split_once('=') {
+    let (place, [color, intensity, radius, angle, turn, samples]) =
+        with_keys(text, ["color", "intensity", "radius", "angle", "turn", "samples"])?;
+    let sky_file = place.strip_prefix("sky:").filter(|file| !file.is_empty());
+    if let (None, Some((item, _))) = (sky_file, place.split_once('=')) {
         return Err(format!(
-            "`{item}` is no key of a light: there is color=, intensity=, radius=, angle=, samples="
+            "`{item}` is no key of a light: there is color=, intensity=, radius=, angle=, turn=, samples="
         ));
     }
     let (kind, light) = match place.split_once(':') {
         Some((kind @ ("dir" | "sun"), v)) => (kind, Light::Directional { toward: direction(v)? }),
         Some((kind @ ("point" | "disc"), v)) => (kind, Light::Point { position: point(v)? }),
-        None if place == "sky" => ("sky", Light::Directional { toward: DVec3::Z }),
+        _ if place == "sky" || sky_file.is_some() => ("sky", Light::Directional { toward: DVec3::Z }),
         None => {
             let refuse = |_| format!("`{place}` is no light: {LIGHT_FORMS}");
             ("dir", Light::Directional { toward: direction(place).map_err(refuse)? })
@@ -140,13 +144,27 @@ pub fn light(text: &str) -> Result<LightSource, String> {
         _ => return Err(LIGHT_FORMS.into()),
     };
     let white = LightSource::from(light);
+    let extent = match sky_file {
+        Some(file) => sky_map(file, [radius, angle], turn)?,
+        None if turn.is_some() => return Err("turn= belongs to sky:FILE".into()),
+        None => light_extent(kind, radius, angle)?,
+    };
     Ok(LightSource {
         light,
-        extent: light_extent(kind, radius, angle)?,
+        extent,
         samples: samples.map_or(Ok(white.samples), |text| light_samples(kind, text))?,
         color: color.map_or(Ok(white.color), color::parse)?,
         intensity: intensity.map_or(Ok(white.intensity), light_intensity)?,
     })
+}
+
+/// Returns a sky with a map, which is read when the scene is opened.
+fn sky_map(file: &str, of_others: [Option<&str>; 2], turn: Option<&str>) -> Result<Extent, String> {
+    if of_others.iter().any(Option::is_some) {
+        return Err(OF_OTHERS.into());
+    }
+    let turn_deg = turn.map_or(Ok(0.0), within(-360.0..=360.0)).map_err(|why| format!("turn: {why}"))?;
+    Ok(Extent::Map(SkyMap { path: file.into(), turn_deg, radiance: None }))
 }
 
 /// Returns the size of a light of the given kind from the values of its keys.
@@ -166,7 +184,7 @@ fn light_extent(kind: &str, radius: Option<&str>, angle: Option<&str>) -> Result
         ("dir" | "point", None, None) => Ok(Extent::None),
         ("disc", ..) => Err("a disc has radius=MM and no angle".into()),
         ("sun", ..) => Err("a sun has angle=DEG and no radius".into()),
-        _ => Err("radius= belongs to disc:x,y,z and angle= to sun:x,y,z".into()),
+        _ => Err(OF_OTHERS.into()),
     }
 }
 
@@ -175,6 +193,11 @@ fn light_samples(kind: &str, text: &str) -> Result<u32, String> {
     if matches!(kind, "dir" | "point") {
         return Err("samples= belongs to lights with a size: disc, sun, sky".into());
     }
+    sample_count(text)
+}
+
+/// Parses a number of samples.
+fn sample_count(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(count) if (1..=LightSource::MOST_SAMPLES).contains(&count) => Ok(count),
         _ => Err(format!("samples: expected a whole number from 1 to {}", LightSource::MOST_SAMPLES)),
@@ -261,6 +284,17 @@ pub fn thickness_mm(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a diameter above 0 and at most 1e9 mm".into())
 }
 
+/// Parses ambient occlusion: the radius in mm, and optionally `,samples=N`.
+pub fn ambient_occlusion(text: &str) -> Result<AmbientOcclusion, String> {
+    let (radius, [samples]) = with_keys(text, ["samples"])?;
+    let radius_mm = within(0.0..=MAX_COORDINATE)(radius)?;
+    if radius_mm == 0.0 {
+        return Err("the radius must be above 0".into());
+    }
+    let samples = samples.map_or(Ok(AmbientOcclusion::DEFAULT_SAMPLES), sample_count)?;
+    Ok(AmbientOcclusion { radius_mm, samples })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -273,19 +307,24 @@ mod tests {
         assert_eq!(direction("0,0,-4"), Ok(-DVec3::Z));
         let [up, at] = [Light::Directional { toward: DVec3::Y }, Light::Point { position: DVec3::Y * 2.0 }]
             .map(LightSource::from);
-        assert_eq!((light("dir:0,2,0"), light("0,2,0")), (Ok(up), Ok(up)));
-        assert_eq!(light("point:0,2,0"), Ok(at));
+        assert_eq!((light("dir:0,2,0"), light("0,2,0")), (Ok(up.clone()), Ok(up.clone())));
+        assert_eq!(light("point:0,2,0"), Ok(at.clone()));
         let red = [1.0, 0.0, 0.0];
-        assert_eq!(light("dir:0,2,0,color=#ff0000"), Ok(LightSource { color: red, ..up }));
-        assert_eq!(light("point:0,2,0, intensity=0"), Ok(LightSource { intensity: 0.0, ..at }));
+        assert_eq!(light("dir:0,2,0,color=#ff0000"), Ok(LightSource { color: red, ..up.clone() }));
+        assert_eq!(light("point:0,2,0, intensity=0"), Ok(LightSource { intensity: 0.0, ..at.clone() }));
         let sun = LightSource { extent: Extent::Cone { angle_deg: 5.5 }, samples: 4, ..up };
-        assert_eq!(light("sun:0,2,0,angle=5.5,samples=4"), Ok(sun));
+        assert_eq!(light("sun:0,2,0,angle=5.5,samples=4"), Ok(sun.clone()));
         let facing_mm = DVec3::ZERO;
-        let disc = LightSource { extent: Extent::Disc { radius_mm: 30.0, facing_mm }, intensity: 2.0, ..at };
-        assert_eq!(light("disc:0,2,0,intensity=2,radius=30"), Ok(disc));
+        let disc =
+            LightSource { extent: Extent::Disc { radius_mm: 30.0, facing_mm }, intensity: 2.0, ..at.clone() };
+        assert_eq!(light("disc:0,2,0,intensity=2,radius=30"), Ok(disc.clone()));
         for source in [sun, disc, light("sky,samples=3,color=red").unwrap()] {
             assert_eq!(light(&source.text()), Ok(source));
         }
+        let sky = light("sky:a,b=c/d.hdr,turn=-30,samples=4,intensity=2").unwrap();
+        let map = SkyMap { path: "a,b=c/d.hdr".into(), turn_deg: -30.0, radiance: None };
+        assert_eq!((&sky.extent, sky.samples, sky.intensity), (&Extent::Map(map), 4, 2.0));
+        assert_eq!(light(&sky.text()), Ok(sky));
         let both = Ok(LightSource { color: red, intensity: 2.5, ..at });
         assert_eq!(light("point:0,2,0,color=#ff0000,intensity=2.5"), both);
         assert_eq!(light("point:0,2,0,intensity=2.5,color=#ff0000"), both);
@@ -318,7 +357,10 @@ mod tests {
             ("disc:0,0,1", "radius=MM"),
             ("point:0,0,1,radius=3", "belongs"),
             ("sky,angle=3", "belongs"),
-            ("sky:0,0,1", "expected"),
+            ("sky:", "expected"),
+            ("sky:a.hdr,angle=3", "belongs"),
+            ("sky:a.hdr,turn=x", "turn"),
+            ("sky,turn=3", "sky:FILE"),
             ("sun:0,0,1,angle=0", "above 0"),
             ("sun:0,0,1,angle=361", "0 to 360"),
             ("disc:0,0,1,radius=x", "number"),

@@ -76,8 +76,11 @@ pub(super) struct LightPass {
 
 impl LightPass {
     /// Creates the rendering pass of a picture that needs one pass only, for a light of the given linear RGB.
-    fn only(radiance: [f64; 3]) -> Self {
-        Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
+    ///
+    /// Occluded ambient light needs a factor: the pass adds the light of the sources alone.
+    fn only(scene: &Scene, radiance: [f64; 3]) -> Self {
+        let needs_factor = radiance != LightSource::WHITE || scene.occlusion().is_some();
+        Self { map: 0, radiance: needs_factor.then_some(radiance) }
     }
 
     /// Returns the rendering passes of a picture, one per light or a single one for all lights. `depends_on_light`
@@ -85,11 +88,11 @@ impl LightPass {
     pub fn all(scene: &Scene, depends_on_light: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {
-            return vec![Self::only(LightSource::WHITE)];
+            return vec![Self::only(scene, LightSource::WHITE)];
         }
         if lights.len() == 1 || !depends_on_light {
             let sum = |c: usize| lights.iter().map(|light| light.radiance()[c]).sum();
-            return vec![Self::only(std::array::from_fn(sum))];
+            return vec![Self::only(scene, std::array::from_fn(sum))];
         }
         let pass = |(map, light): (usize, &LightSource)| Self { map, radiance: Some(light.radiance()) };
         lights.iter().enumerate().map(pass).collect()
@@ -104,10 +107,15 @@ mod tests {
     #[test]
     fn a_picture_has_the_fewest_passes() {
         let volume = Phantom::Slab.build(8).unwrap();
-        let light = |color: [f64; 3], intensity| LightSource { color, intensity, ..LightSource::default() };
-        let [half, white, red] = [light([1.0; 3], 0.5), light([1.0; 3], 1.0), light([1.0, 0.0, 0.0], 2.0)];
-        let passes = |lights: &[LightSource], ambient, depends_on_light| {
-            let scene = Scene { lights: lights.to_vec(), ambient, ..Scene::framing(&volume) };
+        let [half, white, red] = [([1.0; 3], 0.5), ([1.0; 3], 1.0), ([1.0, 0.0, 0.0], 2.0)];
+        let light = |&(color, intensity): &([f64; 3], f64)| LightSource {
+            color,
+            intensity,
+            ..LightSource::default()
+        };
+        let passes = |lights: &[([f64; 3], f64)], ambient, depends_on_light| {
+            let scene =
+                Scene { lights: lights.iter().map(light).collect(), ambient, ..Scene::framing(&volume) };
             let passes = LightPass::all(&scene, depends_on_light);
             assert!(passes.iter().enumerate().all(|(i, pass)| pass.map == i));
             passes.iter().map(|pass| pass.radiance).collect::<Vec<_>>()
@@ -118,7 +126,7 @@ mod tests {
         assert_eq!(passes(&[white, red], 0.1, false), [Some([3.0, 1.0, 1.0])]);
         assert_eq!(passes(&[half, half], 0.1, false), [None]);
         assert_eq!(passes(&[white, red], 1.0, true), [None]);
-        let dark = light([1.0; 3], 0.0);
+        let dark = ([1.0; 3], 0.0);
         assert_eq!(passes(&[dark, dark], 0.1, false), [Some([0.0; 3])]);
         assert_eq!(passes(&[dark, white], 0.1, true), [None]);
     }

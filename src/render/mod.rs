@@ -32,7 +32,7 @@ pub use session::Session;
 pub use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Optimization, View};
 
 use crate::gpu::ShaderVariant;
-use crate::shadow::Lookup;
+use crate::shadow::{Lookup, occlusion_lookup};
 
 /// Returns all shaders of the render module for one kind of shadow query (or none), for tests. They are the ray
 /// casters of all plans. With a query, the shader for single points is added; without one, the shaders for background
@@ -41,11 +41,13 @@ pub fn shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = plan::raycast_shaders(lookup);
     list.extend(lookup.map(query::shader));
     if lookup.is_none() {
+        list.extend(plan::occlusion_shaders());
         list.extend([
             display::shader(),
             shader::background_shader(false),
             shader::background_shader(true),
             device_tiles::project_shader(),
+            query::shader(&occlusion_lookup()),
         ]);
     }
     list

@@ -151,7 +151,11 @@ impl Renderer {
         scene: &'a Scene,
         deferred: &'a DeferredPasses,
     ) -> Result<(Plan, Caster<'a>, f64)> {
-        for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
+        let occlusion = scene.occlusion().map(|occlusion| self.occlusion((loaded, transfer), occlusion));
+        let occlusion = occlusion.transpose()?.unwrap_or_default();
+        let occluded = occlusion.iter().map(|(map, _)| map);
+        let lookups = maps.iter().copied().chain(occluded).filter_map(|map| map.lookup.as_ref());
+        for lookup in lookups {
             // The plan needs to know the pre-compressed table.
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
@@ -164,7 +168,20 @@ impl Renderer {
             let shadow = maps[map];
             let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
             let shader = transfer.prepared(self.gpu(), shader)?;
-            passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
+            let group = shadow.group.clone();
+            passes.push(Pass {
+                group,
+                radiance,
+                is_ambient: false,
+                shader,
+                resumable: plan.resumable(shadow),
+            });
+        }
+        for (map, share) in occlusion {
+            let shader =
+                transfer.prepared(self.gpu(), plan.occlusion_shader(transfer, &map, device_tiles))?;
+            let radiance = Some([scene.ambient * share; 3]);
+            passes.push(Pass { group: map.group, radiance, is_ambient: true, shader, resumable: true });
         }
         let mesh =
             scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
@@ -254,19 +271,19 @@ impl Renderer {
     fn cast_part(
         &self,
         caster: &Caster<'_>,
-        pass: &Pass<'_>,
+        pass: &Pass,
         (stage, progress): (&Group, &wgpu::Buffer),
         tiles: [u32; 2],
         after: Option<&OutputPass>,
     ) -> Result<Span> {
-        let groups = [caster.transfer.group(), &pass.shadow.group, stage];
+        let groups = [caster.transfer.group(), &pass.group, stage];
         let groups: Vec<_> = groups.into_iter().chain(&caster.mesh).collect();
         let mut part: Option<Span> = None;
         let background = background_shader(matches!(caster.tiles, PictureTiles::OnDevice(_)));
         let [left_out, cast] = tiles.map(workgroups);
         let mut fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
         let rays = DevicePass { variant: &pass.shader, groups: &groups, workgroups: cast };
-        let after_groups = after.map(|after| [caster.transfer.group(), &pass.shadow.group, &after.stage]);
+        let after_groups = after.map(|after| [caster.transfer.group(), &pass.group, &after.stage]);
         let after = after.zip(after_groups.as_ref()).map(|(after, groups)| DevicePass {
             variant: &after.shader,
             groups,
@@ -313,7 +330,7 @@ pub(super) struct Caster<'a> {
     pub tiles: PictureTiles,
     /// Number of all tiles of the picture and of empty ones, once the device has found them.
     counts: Cell<Option<[usize; 2]>>,
-    pub passes: Vec<Pass<'a>>,
+    pub passes: Vec<Pass>,
     /// Bind group 3 with the triangles of the scene's mesh, if there is one.
     pub mesh: Option<Group>,
     /// Directions of the strands (hair or fibres) on the device, if the shading reads them.
@@ -351,9 +368,11 @@ impl Caster<'_> {
     /// background; later passes add their light to it.
     pub fn frame_uniform(&self, pass: usize) -> FrameUniform {
         let frame = frame_uniform(&self.loaded.volume, self.scene);
-        let lit = 1.0 - self.scene.ambient;
         let radiance = self.passes[pass].radiance.unwrap_or(LightSource::WHITE);
-        let frame = FrameUniform { light: radiance.map(|c| (lit * c) as f32), ..frame };
+        let lit = if self.passes[pass].is_ambient { 1.0 } else { 1.0 - self.scene.ambient };
+        // Passes of their own add occluded ambient light.
+        let ambient = if self.scene.occlusion().is_some() { 0.0 } else { frame.ambient };
+        let frame = FrameUniform { light: radiance.map(|c| (lit * c) as f32), ambient, ..frame };
         match pass {
             0 => frame,
             _ => FrameUniform { ambient: 0.0, background: [0.0; 3], adds: 1, ..frame },
@@ -362,9 +381,12 @@ impl Caster<'_> {
 }
 
 /// Rendering pass over a picture that adds one light, or several at once, with its shader and shadow map.
-pub(super) struct Pass<'a> {
-    pub shadow: &'a ShadowMap,
+pub(super) struct Pass {
+    /// Bind group 1: the light space and the shadow map.
+    pub group: Group,
     radiance: Option<[f64; 3]>,
+    /// Whether the pass adds occluded ambient light.
+    is_ambient: bool,
     pub shader: ShaderVariant,
     pub resumable: bool,
 }

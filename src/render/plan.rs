@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Optimization, View, field_shader};
 use crate::gpu::{Kernels, ShaderVariant};
 use crate::scene::{LightSource, Scene, Shading, Skip};
-use crate::shadow::{Lookup, ShadowMap};
+use crate::shadow::{Lookup, ShadowMap, occlusion_lookup};
 use crate::transfer::{PAIR_BINS, TABLE_BINS};
 use crate::volume::Volume;
 use glam::DVec3;
@@ -232,6 +232,18 @@ impl Plan {
             false => shader,
         }
     }
+
+    /// Returns the shader of the pass that adds occluded ambient light.
+    pub(super) fn occlusion_shader(
+        &self,
+        transfer: &DeviceTransfer,
+        occlusion: &ShadowMap,
+        device_tiles: bool,
+    ) -> ShaderVariant {
+        let lookup = occlusion.lookup.as_ref();
+        raycast_shader(lookup, Shading::None, self.skip_bricks, transfer.one_color, true)
+            .defs(device_tiles.then_some(DEVICE_TILES))
+    }
 }
 
 /// List of the work that is skipped for a picture, since its scene does not need it, with the reasons.
@@ -345,6 +357,13 @@ fn raycast_shader(
         .defs(["SURFACES"])
         .defs(one_color.then_some("ONE_COLOR"))
         .defs(light_factor.then_some("LIGHT_FACTOR"))
+}
+
+/// Returns the shaders of the pass that adds occluded ambient light, under all plans.
+pub(super) fn occlusion_shaders() -> Vec<ShaderVariant> {
+    let lookup = occlusion_lookup();
+    let shader = |(skip, one_color)| raycast_shader(Some(&lookup), Shading::None, skip, one_color, true);
+    [(true, false), (false, true)].map(shader).to_vec()
 }
 
 /// Returns the shaders that cast eye rays under all plans. Options that do not affect each other are not combined.

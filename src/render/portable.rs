@@ -95,7 +95,7 @@ impl Renderer {
             let has_device_tiles = pass.shader.defs.contains(&DEVICE_TILES);
             PortablePass {
                 shader: pass.shader.clone().defs((!has_device_tiles).then_some(DEVICE_TILES)),
-                shadow: pass.shadow.group.clone(),
+                shadow: pass.group.clone(),
                 frame: bytemuck::bytes_of(&caster.frame_uniform(i)).to_vec(),
                 resumable: pass.resumable,
             }

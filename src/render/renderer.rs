@@ -8,8 +8,8 @@ use crate::field::{
     RecordedBuild, TilePace, View,
 };
 use crate::gpu::{Gpu, Kernels};
-use crate::scene::{Light, LightSource, Scene};
-use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap};
+use crate::scene::{AmbientOcclusion, Light, LightSource, Scene};
+use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap, ambient_occlusion};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
@@ -189,31 +189,54 @@ impl Renderer {
         words.map_or(Ok(true), |words| method.complete(&mut map.report, words, &loaded.node_pools))
     }
 
-    fn build(
+    /// Returns maps whose queries are the mean transmittance of rays of ambient occlusion around a point, each with its
+    /// share of the rays.
+    ///
+    /// # Errors
+    /// The device is out of memory.
+    pub fn occlusion(
         &self,
-        (loaded, transfer): (&LoadedVolume, &DeviceTransfer),
-        method: &dyn Method,
+        field: (&LoadedVolume, &DeviceTransfer),
+        occlusion: AmbientOcclusion,
+    ) -> Result<Vec<(ShadowMap, f64)>> {
+        let passes = (None, None);
+        ambient_occlusion(&self.build_context(field, Light::default(), None, passes), occlusion)
+    }
+
+    fn build_context<'a>(
+        &'a self,
+        (loaded, transfer): (&'a LoadedVolume, &'a DeviceTransfer),
         light: Light,
-        view: Option<&View>,
-        (deferred, recorder): (Option<&DeferredPasses>, Option<&BuildRecorder>),
-    ) -> Result<ShadowMap> {
-        let start = Instant::now();
-        let made_before = transfer.march_table().is_some();
+        view: Option<&'a View>,
+        (deferred, recorder): (Option<&'a DeferredPasses>, Option<&'a BuildRecorder>),
+    ) -> BuildContext<'a> {
         let LoadedVolume { volume, strands, node_pools, .. } = loaded;
-        let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
-        let context = BuildContext {
-            kernels,
-            pace,
+        BuildContext {
+            kernels: &self.kernels,
+            pace: &self.tile_pace,
             node_pools,
             volume,
             transfer,
-            strands,
+            strands: strands.as_deref(),
             light,
             view,
             deferred,
             recorder,
-        };
-        let mut map = method.build(&context)?;
+        }
+    }
+
+    fn build(
+        &self,
+        field: (&LoadedVolume, &DeviceTransfer),
+        method: &dyn Method,
+        light: Light,
+        view: Option<&View>,
+        passes: (Option<&DeferredPasses>, Option<&BuildRecorder>),
+    ) -> Result<ShadowMap> {
+        let start = Instant::now();
+        let transfer = field.1;
+        let made_before = transfer.march_table().is_some();
+        let mut map = method.build(&self.build_context(field, light, view, passes))?;
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);

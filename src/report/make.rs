@@ -225,7 +225,7 @@ fn reference(job: &Job) -> Result<ReferencePicture> {
 /// Counts the curve nodes in each texel of a deep shadow map. Returns `None` for other shadow maps and for scenes
 /// with several lights.
 fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
-    match job.scene.shining()[..] {
+    match &job.scene.shining()[..] {
         [source] if compared.row.nodes_total.is_some() => {
             let shadow = job.session.shadow_of(method, job.scene, source.light)?;
             job.session.node_map(&shadow)

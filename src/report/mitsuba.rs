@@ -90,10 +90,11 @@ fn check(volume: &Volume, tf: &TransferFunction, scene: &Scene) -> Result<()> {
         return refuse("opaque objects, labels and clip planes have no counterpart", "leave them out");
     }
     let is_known = |source: &LightSource| {
-        matches!((source.light, source.extent), (Light::Directional { .. }, Extent::None | Extent::SKY))
+        let is_known = source.extent == Extent::None || source.extent == Extent::SKY;
+        is_known && matches!(source.light, Light::Directional { .. })
     };
     if !scene.sources_shining().iter().all(is_known) {
-        let why = "its light falls off with distance, and the lights here do not; a cone of directions has no counterpart";
+        let why = "its light falls off with distance, and the lights here do not; a cone of directions or a map has no counterpart";
         return refuse(why, "--light dir:x,y,z or sky");
     }
     Ok(())

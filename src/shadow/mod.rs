@@ -33,6 +33,7 @@ mod lookup;
 mod method;
 mod moments;
 mod none;
+mod occlusion;
 mod osm;
 mod published;
 mod rays;
@@ -61,6 +62,7 @@ pub use method::{
 };
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
+pub use occlusion::{ambient_occlusion, occlusion_lookup};
 pub use osm::{Between, OpacityShadowMap, Slicing};
 pub use published::Published;
 pub use rays::ShadowRays;

@@ -182,7 +182,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     bench.click("add light");
     bench.settle();
     let two = lights(&mut bench);
-    assert_eq!((two.len(), two[0]), (2, first[0]));
+    assert_eq!((two.len(), &two[0]), (2, &first[0]));
     assert!(brightness(&bench.pixels()) > brightness(&one), "two lights are brighter");
 
     // The new light is the edited one, and drags move it alone.
@@ -192,7 +192,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     bench.drag(center, center + vec2(60.0, 20.0), Modifiers::SHIFT);
     bench.settle();
     let moved = lights(&mut bench);
-    assert_eq!((moved[0], moved[1].intensity), (first[0], 0.25));
+    assert_eq!((&moved[0], moved[1].intensity), (&first[0], 0.25));
     assert_ne!(moved[1].light, two[1].light);
 
     bench.click("light 1");

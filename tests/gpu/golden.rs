@@ -13,7 +13,7 @@ use umbravox::shadow::METHODS;
 /// Command line of every golden picture.
 const SCENE: [&str; 5] = ["render", "phantom:thorax:32", "--size=48x48", "--tf=bone", "--background=#203040"];
 /// Golden pictures of features: a name, and the flags of the feature.
-const FEATURES: [(&str, &[&str]); 10] = [
+const FEATURES: [(&str, &[&str]); 11] = [
     ("clip", &["--clip=1,0.3,0,0"]),
     ("filter", &["--shadow=dsm:filter=nearest,map=24"]),
     ("labels", &["--labels=labels.nrrd", "--label-tf=2=ct"]),
@@ -21,6 +21,7 @@ const FEATURES: [(&str, &[&str]); 10] = [
     ("light-point", &["--light=point:60,220,120"]),
     ("light-two", &["--light=dir:0,1,1", "--light=point:200,0,300,color=#ff8040,intensity=0.5"]),
     ("mesh", &["--mesh=mesh.obj,color=#8090a0"]),
+    ("occlusion", &["--ambient=0.6", "--ambient-occlusion=60"]),
     ("samples", &["--shadow=dsm:march=samples"]),
     ("shading", &["--shading=blinn-phong"]),
     ("strands", &["--strands=strands.obj,thickness=9,color=#d02020"]),

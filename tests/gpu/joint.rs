@@ -67,7 +67,7 @@ fn reports(session: &mut CachedSession, method: &str, scene: &Scene) -> Vec<[Opt
 fn scene_at(volume: &Volume, turn: f64) -> Scene {
     let light = Light::Directional { toward: DVec3::new(turn.cos(), turn.sin(), 0.8).normalize() };
     let scene = Scene { width: WIDTH, height: 80, ..Scene::framing(volume) };
-    Scene { lights: vec![LightSource { light, ..scene.lights[0] }], ..scene }
+    Scene { lights: vec![LightSource { light, ..scene.lights[0].clone() }], ..scene }
 }
 
 /// Width of pictures whose rows a copy to a buffer may hold.
@@ -88,7 +88,7 @@ fn a_moved_light_takes_one_submission_and_one_wait() {
             // The last picture has two lights, and so two rendering passes.
             let mut scene = scene_at(&volume, 0.02 * f64::from(step));
             if step == 2 {
-                let other = scene_at(&volume, 2.0).lights[0];
+                let other = scene_at(&volume, 2.0).lights[0].clone();
                 scene.lights.push(other);
             }
             let before = joint.renderer.gpu().traffic.counts();
@@ -125,7 +125,7 @@ fn a_map_that_lacks_memory_is_built_again() {
     let scene = |toward: DVec3| {
         let scene = Scene { width: WIDTH, height: 80, ..Scene::framing(&volume) };
         Scene {
-            lights: vec![LightSource { light: Light::Directional { toward }, ..scene.lights[0] }],
+            lights: vec![LightSource { light: Light::Directional { toward }, ..scene.lights[0].clone() }],
             ..scene
         }
     };

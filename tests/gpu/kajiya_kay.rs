@@ -141,7 +141,7 @@ fn lights_add_up_and_skipping_changes_nothing() {
     };
     let both = draw(&scene);
     let dark = Scene { ambient: 0.0, background: [0.0; 3], ..scene.clone() };
-    let sum = &draw(&dark.under(two[0])).pixels + &draw(&dark.under(two[1])).pixels;
+    let sum = &draw(&dark.under(two[0].clone())).pixels + &draw(&dark.under(two[1].clone())).pixels;
     let rgb = |picture: &Array3<f32>| picture.slice(ndarray::s![.., .., ..3]).to_owned();
     assert!(largest_difference(&rgb(&draw(&dark).pixels), &rgb(&sum)) < 1e-5);
     let everywhere = draw(&Scene { skip: Skip::None, ..scene.clone() });

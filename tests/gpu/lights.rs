@@ -87,10 +87,10 @@ fn a_white_light_is_the_picture_without_a_factor_and_dark_ones_change_nothing() 
     let volume = phantom("sphere");
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
     let one = setup.scene(40, 28);
-    let first = one.lights[0];
+    let first = one.lights[0].clone();
     let dark = three(&volume).into_iter().map(|l| LightSource { intensity: 0.0, ..l });
     let black = source(first.light, [0.0; 3], 2.0);
-    let many = Scene { lights: dark.chain([first, black]).collect(), ..one.clone() };
+    let many = Scene { lights: dark.chain([first.clone(), black.clone()]).collect(), ..one.clone() };
     for method in METHODS {
         let [alone, among] = [&one, &many].map(|scene| setup.lit(method, scene));
         assert_eq!(alone.pixels, among.pixels, "{method}: to the bit");
@@ -100,7 +100,7 @@ fn a_white_light_is_the_picture_without_a_factor_and_dark_ones_change_nothing() 
         );
         assert!(!said(&alone, "light"));
         // A factor of a half, applied to every sample, is one of the picture.
-        let half = one.under(LightSource { intensity: 0.5, ..first });
+        let half = one.under(LightSource { intensity: 0.5, ..first.clone() });
         let [lit, ambient] =
             [&half, &Scene { ambient: 1.0, ..half.clone() }].map(|s| setup.lit(method, s).pixels);
         let dim = sum(&[(alone.pixels.clone(), [0.5; 3]), (ambient, [0.5 * 0.15; 3])]);

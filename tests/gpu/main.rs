@@ -36,6 +36,7 @@ mod mean_error;
 mod mesh;
 mod near;
 mod nodes;
+mod occlusion;
 mod page;
 mod parts;
 mod points;

@@ -50,11 +50,11 @@ fn the_mean_error_is_that_of_all_lights() {
     };
     let [above, side] = [DVec3::Z, DVec3::X].map(|toward| Light::Directional { toward });
     let (white, blue) = (source(above, [1.0; 3], 0.5), source(side, [0.0, 0.0, 1.0], 2.0));
-    let alone = [white, blue].map(|light| of(&lit(&[light], 0.0)).estimate);
-    let both = of(&lit(&[white, blue], 0.0));
+    let alone = [white.clone(), blue.clone()].map(|light| of(&lit(&[light], 0.0)).estimate);
+    let both = of(&lit(&[white.clone(), blue.clone()], 0.0));
     let sum = alone[0] + alone[1];
     assert!(sum > 0.1 && (both.estimate - sum).abs() < 0.05 * sum, "{both:?}, {alone:?}");
-    let dimmed = of(&lit(&[white, blue], 0.75));
+    let dimmed = of(&lit(&[white.clone(), blue], 0.75));
     let [estimate, bound] = [both.estimate, both.bound].map(|error| 0.25 * error);
     assert!((dimmed.estimate - estimate).abs() < 1e-12 && (dimmed.bound - bound).abs() < 1e-12, "{dimmed:?}");
     for none in [of(&lit(&[white], 1.0)), of(&lit(&[], 0.0))] {

@@ -208,7 +208,8 @@ fn nothing_that_is_left_out_shows() {
     let base = Scene { ambient: 0.0, background: [0.0; 3], ..scene };
     let both =
         setup.session.render(&maps[..], &Scene { lights: sources.to_vec(), ..base.clone() }).unwrap().pixels;
-    let each = [0, 1].map(|i| setup.session.render(&maps[i], &base.under(sources[i])).unwrap().pixels);
+    let each =
+        [0, 1].map(|i| setup.session.render(&maps[i], &base.under(sources[i].clone())).unwrap().pixels);
     let sum = Array3::from_shape_fn(both.dim(), |(r, c, k)| match k {
         3 => each[0][[r, c, 3]],
         k => each[0][[r, c, k]] + each[1][[r, c, k]],

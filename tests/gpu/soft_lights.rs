@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::measure::errors::{VisiblePointsByLight, mean_of_maps};
 use umbravox::measure::mean_error::MeanErrorSample;
-use umbravox::scene::{Extent, LightSource};
+use umbravox::scene::{Extent, LightSource, SkyMap, SkyRadiance};
 
 fn sun(angle_deg: f64, samples: u32) -> LightSource {
     LightSource { extent: Extent::Cone { angle_deg }, samples, ..LightSource::default() }
@@ -27,7 +27,7 @@ fn a_soft_light_is_the_mean_of_its_samples() {
         let soft = setup.session.render(&setup.maps(method, &scene), &scene).unwrap().pixels;
         let mut mean = Array3::<f64>::zeros(soft.dim());
         for light in scene.lights[0].lattice(5, [0.0; 2]) {
-            let hard = scene.under(light.into());
+            let hard = scene.under(light);
             let picture = setup.session.render(&setup.maps(method, &hard), &hard).unwrap().pixels;
             mean += &(picture.mapv(f64::from) / 5.0);
         }
@@ -103,4 +103,37 @@ fn maps_of_several_lights_answer_together() {
     assert_eq!(maps.len(), 81);
     let rms = visible.errors(&setup.session, &maps).unwrap().unwrap().rms;
     assert!(rms < 0.01, "{rms}");
+}
+
+/// Under a sky of two colours, a picture with shadow rays to many samples is the exact one, in each channel.
+#[test]
+fn a_sky_with_a_map_colours_shadows() {
+    let volume = phantom("shell:24");
+    let Some(setup) = Setup::open(&volume, &opacity(&[(400.0, 0.0), (600.0, 0.5)])) else { return };
+    let field = setup.exact();
+    // Red from above, blue from the right side; a dim green from everywhere.
+    let pixel = |i: usize| match (i / 16, i % 16) {
+        (0..2, _) => [6.0, 0.1, 0.0],
+        (2..6, 11..14) => [0.0, 0.1, 9.0],
+        _ => [0.0, 0.1, 0.0],
+    };
+    let radiance = Some(Arc::new(SkyRadiance::new(16, (0..128).map(pixel).collect()).unwrap()));
+    let map = SkyMap { path: "sky.hdr".into(), turn_deg: 0.0, radiance };
+    let sky = LightSource { extent: Extent::Map(map), samples: 192, ..LightSource::default() };
+    let scene = Scene { width: 20, height: 14, ambient: 0.0, ..Scene::framing(&volume) }.under(sky);
+    let picture = setup.session.render(&setup.maps("rays", &scene), &scene).unwrap().pixels;
+    let exact = field.picture(&scene);
+    let off = umbravox::measure::stats::image_error(picture.view(), exact.view()).unwrap().rmse;
+    let mean = |c| exact.slice(ndarray::s![.., .., c]).mean().unwrap();
+    println!("rmse {off:.1e}, mean {} {} {}", mean(0), mean(1), mean(2));
+    assert!(mean(0) > 0.01 && mean(2) > 0.01 && mean(1) > 0.001, "{} {} {}", mean(0), mean(1), mean(2));
+    assert!(off < 0.006, "{off}");
+    // A uniform map is the sky without one.
+    let uniform = Some(Arc::new(SkyRadiance::new(16, vec![[1.0; 3]; 128]).unwrap()));
+    let map = SkyMap { path: "white.hdr".into(), turn_deg: 40.0, radiance: uniform };
+    let [mapped, plain] = [Extent::Map(map), Extent::SKY].map(|extent| {
+        let scene = scene.under(LightSource { extent, samples: 192, ..LightSource::default() });
+        setup.session.render(&setup.maps("rays", &scene), &scene).unwrap().pixels
+    });
+    assert!(largest_difference(&mapped, &plain) < 0.02);
 }

@@ -47,7 +47,10 @@ fn scenes(volume: &Volume) -> Vec<Scene> {
     let camera = |eye: DVec3, target: DVec3, fov_deg: f64| Camera { eye, target, fov_deg, ..framed.camera };
     let away = eye - target;
     let position = target + 150.0 * away.any_orthonormal_vector();
-    let lights = vec![framed.lights[0], LightSource { light: Light::Point { position }, ..framed.lights[0] }];
+    let lights = vec![
+        framed.lights[0].clone(),
+        LightSource { light: Light::Point { position }, ..framed.lights[0].clone() },
+    ];
     vec![
         Scene { camera: camera(target + 0.05 * away, target - away, 110.0), ..framed.clone() },
         Scene { camera: camera(target + 40.0 * away, target, 2.0), ..framed.clone() },
@@ -121,7 +124,8 @@ fn divergence_is_a_share_with_several_lights_and_with_resumed_rays() {
     let tf = extinction(&[(300.0, 0.0), (700.0, 0.2)]);
     let session = Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).unwrap();
     let framed = Scene { width: 64, height: 48, ..Scene::framing(&volume) };
-    let lit_from = |toward: DVec3| LightSource { light: Light::Directional { toward }, ..framed.lights[0] };
+    let lit_from =
+        |toward: DVec3| LightSource { light: Light::Directional { toward }, ..framed.lights[0].clone() };
     let lights = [DVec3::X, DVec3::new(0.3, 1.0, 0.2), DVec3::NEG_Z].map(lit_from).to_vec();
     let scene = Scene { lights, ..framed };
     for method in ["dsm:map=32", "rays"] {

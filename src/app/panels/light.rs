@@ -4,8 +4,9 @@ use crate::app::camera;
 use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::files::color;
+use crate::files::input::source_name;
 use crate::open::values::MOST_INTENSITY;
-use crate::scene::{Camera, Extent, Light, LightSource, Scene, Shading};
+use crate::scene::{AmbientOcclusion, Camera, Extent, Light, LightSource, Scene, Shading, SkyMap};
 use clap::ValueEnum;
 use eframe::egui::{self, Color32, Painter, Pos2, Sense, Stroke, vec2};
 use glam::DVec3;
@@ -66,6 +67,9 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         ui.label("Ambient").on_hover_text("Fraction of the light without shadows, 0 to 1");
         ui.add(egui::Slider::new(&mut document.scene.ambient, 0.0..=1.0).max_decimals(3))
             .accessible_name("ambient");
+        if document.scene.mesh.is_none() {
+            occlusion(ui, &mut document.scene.ambient_occlusion, radius);
+        }
     });
     ui.horizontal_wrapped(|ui| {
         let help =
@@ -96,24 +100,15 @@ fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
     let left = Scene::MOST_SHADOW_MAPS.saturating_sub(others).max(1) as u32;
     let source = document.light_mut();
     ui.horizontal(|ui| {
-        let is_point = matches!(source.light, Light::Point { .. });
-        let mut size = match source.extent {
-            Extent::None => 0.0,
-            Extent::Disc { radius_mm, .. } => radius_mm,
-            Extent::Cone { angle_deg } => angle_deg,
-        };
-        let (prefix, unit, most) = if is_point { ("radius ", " mm", 1e6) } else { ("angle ", "°", 360.0) };
-        let drag = egui::DragValue::new(&mut size).speed(0.5).max_decimals(2).prefix(prefix).suffix(unit);
-        let help = "Size of the light, for soft shadows; 0: none. All directions (360°) are a sky";
-        if ui.add(drag.range(0.0..=most)).on_hover_text(help).accessible_name("light size").changed() {
-            source.extent = match (size > 0.0, is_point) {
-                (false, _) => Extent::None,
-                (true, true) => Extent::Disc { radius_mm: size, facing_mm: center_mm },
-                (true, false) => Extent::Cone { angle_deg: size },
-            };
-            source.samples = source.samples.min(left);
+        match &mut source.extent {
+            Extent::Map(map) => {
+                turn(ui, map);
+                source.light = Light::Directional { toward: map.mean_direction() };
+            }
+            _ => diameter(ui, source, center_mm),
         }
         if source.is_soft() {
+            source.samples = source.samples.min(left);
             let samples =
                 egui::DragValue::new(&mut source.samples).range(1..=LightSource::MOST_SAMPLES.min(left));
             ui.add(samples.prefix("samples "))
@@ -121,6 +116,48 @@ fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
                 .accessible_name("light samples");
         }
     });
+}
+
+/// Shows the radius of the ambient occlusion; 0 stands for none. `extent_mm` is that of the volume.
+fn occlusion(ui: &mut egui::Ui, occlusion: &mut Option<AmbientOcclusion>, extent_mm: f64) {
+    let mut radius_mm = occlusion.map_or(0.0, |occlusion| occlusion.radius_mm);
+    let drag = egui::DragValue::new(&mut radius_mm).speed(0.002 * extent_mm).max_decimals(2).suffix(" mm");
+    let response = ui.add(drag.prefix("occlusion ").range(0.0..=1e6)).on_hover_text(
+        "Ambient occlusion: matter within this distance of a point occludes ambient light; 0: none does",
+    );
+    if response.accessible_name("ambient occlusion").changed() {
+        let samples = occlusion.map_or(AmbientOcclusion::DEFAULT_SAMPLES, |occlusion| occlusion.samples);
+        *occlusion = (radius_mm > 0.0).then_some(AmbientOcclusion { radius_mm, samples });
+    }
+}
+
+/// Shows the map of a sky and its rotation about the z axis.
+fn turn(ui: &mut egui::Ui, map: &mut SkyMap) {
+    ui.label(source_name(&map.path)).on_hover_text(&map.path);
+    let drag = egui::DragValue::new(&mut map.turn_deg).speed(0.5).max_decimals(2).prefix("turn ").suffix("°");
+    ui.add(drag.range(-360.0..=360.0))
+        .on_hover_text("Rotation of the sky about the z axis, counterclockwise from above")
+        .accessible_name("sky turn");
+}
+
+/// Shows the radius of a disc at a point, or the angular diameter of a light at infinity.
+fn diameter(ui: &mut egui::Ui, source: &mut LightSource, center_mm: DVec3) {
+    let is_point = matches!(source.light, Light::Point { .. });
+    let mut size = match source.extent {
+        Extent::None | Extent::Map(_) => 0.0,
+        Extent::Disc { radius_mm, .. } => radius_mm,
+        Extent::Cone { angle_deg } => angle_deg,
+    };
+    let (prefix, unit, most) = if is_point { ("radius ", " mm", 1e6) } else { ("angle ", "°", 360.0) };
+    let drag = egui::DragValue::new(&mut size).speed(0.5).max_decimals(2).prefix(prefix).suffix(unit);
+    let help = "Size of the light, for soft shadows; 0: none. All directions (360°) are a sky";
+    if ui.add(drag.range(0.0..=most)).on_hover_text(help).accessible_name("light size").changed() {
+        source.extent = match (size > 0.0, is_point) {
+            (false, _) => Extent::None,
+            (true, true) => Extent::Disc { radius_mm: size, facing_mm: center_mm },
+            (true, false) => Extent::Cone { angle_deg: size },
+        };
+    }
 }
 
 /// Shows the direction of the edited light on a disc in camera space. Returns the new direction when the user drags

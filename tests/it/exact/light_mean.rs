@@ -2,9 +2,10 @@
 
 use super::*;
 use rayon::prelude::*;
+use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::phantom::Phantom;
-use umbravox::scene::{Extent, Light, LightSource, Scene};
+use umbravox::scene::{Extent, Light, LightSource, Scene, SkyMap, SkyRadiance};
 
 /// Standard error at which the quadrature stops.
 const STOPS: f64 = 5e-4;
@@ -84,17 +85,17 @@ fn the_mean_is_that_of_plain_monte_carlo() {
     let worst: Vec<f64> = (0..points.len())
         .into_par_iter()
         .map(|i| {
-            let (x, source) = (points[i].position, lights[i % lights.len()]);
+            let (x, source) = (points[i].position, &lights[i % lights.len()]);
             let mut random = Rng::with_seed(i as u64);
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..rays {
-                let t = field.transmittance_to_light(x, &source.sample([random.f64(), random.f64()]));
+                let t = field.transmittance_to_light(x, &source.sample([random.f64(), random.f64()]).light);
                 (sum, squares) = (sum + t, squares + t * t);
             }
             let n = f64::from(rays);
             let mean = sum / n;
             let error = ((squares / n - mean * mean).max(0.0) / n).sqrt();
-            let found = field.transmittance_from(x, &source);
+            let found = field.transmittance_from(x, source);
             assert!(found.standard_error < 2.0 * STOPS, "{found:?}");
             (found.value - mean).abs() / error.hypot(found.standard_error).max(1e-9)
         })
@@ -102,6 +103,24 @@ fn the_mean_is_that_of_plain_monte_carlo() {
     let largest = worst.iter().copied().fold(0.0, f64::max);
     println!("{} points, {rays} rays: at most {largest:.2} standard errors", points.len());
     assert!(largest < 4.0, "{largest}");
+}
+
+/// A sky with a map whose upper half shines is a cone of 180 degrees.
+#[test]
+fn half_of_a_map_is_half_of_the_sky() {
+    let (volume, tf) = (Phantom::Thorax.build(24).unwrap(), opacity(&[(-700.0, 0.0), (100.0, 0.3)]));
+    let field = ExactField::new(&volume, &tf);
+    let rgb = (0..32 * 16).map(|i| if i < 32 * 8 { [0.0, 3.0, 0.0] } else { [0.0; 3] }).collect();
+    let radiance = Some(Arc::new(SkyRadiance::new(32, rgb).unwrap()));
+    let map = SkyMap { path: String::new(), turn_deg: 30.0, radiance };
+    let sky = LightSource { extent: Extent::Map(map), ..LightSource::default() };
+    assert!((sky.radiance()[1] - 1.5).abs() < 1e-12);
+    let half = sun(DVec3::Z, 180.0);
+    for point in field.visible_points(&Scene::framing(&volume), 20, 5) {
+        let [a, b] = [&sky, &half].map(|source| field.transmittance_from(point.position, source));
+        let error = a.standard_error.hypot(b.standard_error).max(1e-9);
+        assert!((a.value - b.value).abs() < 4.5 * error, "{a:?} {b:?}");
+    }
 }
 
 /// A thin rod hides a small share of the sky. The errors at many points have the stated size, and no common sign.
@@ -118,8 +137,8 @@ fn the_stated_error_is_that_of_small_occluders() {
         let found = field.transmittance_from(x, &sky);
         let directions = 200_000;
         let lights = sky.lattice(directions, [0.37, 0.71]);
-        let mean =
-            lights.map(|light| field.transmittance_to_light(x, &light)).sum::<f64>() / directions as f64;
+        let mean = lights.map(|sample| field.transmittance_to_light(x, &sample.light)).sum::<f64>()
+            / directions as f64;
         squares += (found.value - mean).powi(2);
         stated += found.standard_error.powi(2);
         sum += found.value - mean;
