@@ -33,7 +33,7 @@ const WHITE: Rgb = [255; 3];
 const GREY: Rgb = [187; 3];
 const GRID: Rgb = [68; 3];
 /// Methods with their colours, distinct on black.
-const METHODS: [(&str, Rgb); 12] = [
+const METHODS: [(&str, Rgb); 13] = [
     ("none", WHITE),
     ("rays", [228, 140, 191]),
     ("dsm", [90, 180, 240]),
@@ -42,6 +42,7 @@ const METHODS: [(&str, Rgb); 12] = [
     ("bom", [240, 122, 48]),
     ("clusters", [200, 200, 80]),
     ("fourier", [216, 96, 156]),
+    ("wavelet", [206, 120, 230]),
     ("avsm", [102, 217, 196]),
     ("moments", [154, 140, 240]),
     ("beer", [136, 204, 238]),

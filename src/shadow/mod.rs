@@ -43,6 +43,7 @@ pub mod settings;
 mod style;
 mod tolerances;
 mod vectors;
+mod wavelet;
 
 pub use avsm::AdaptiveShadowMap;
 pub use beer::{BeerMean, BeerShadowMap};
@@ -71,5 +72,6 @@ pub use search_space::{Axis, SearchSpace};
 pub use settings::{Key, Kind, Value, When};
 pub use style::{Marker, Style};
 pub use tolerances::MARCH_ERROR;
+pub use wavelet::WaveletMap;
 
 pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};

@@ -5,7 +5,7 @@
 use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
-use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
+use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays, wavelet};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::str::FromStr;
@@ -27,6 +27,7 @@ pub const METHODS: &[&Entry] = &[
     &bom::ENTRY,
     &clusters::ENTRY,
     &fourier::ENTRY,
+    &wavelet::ENTRY,
     &avsm::ENTRY,
     &moments::ENTRY,
     &beer::ENTRY,

@@ -22,6 +22,7 @@ pub enum Marker {
     Left,
     Right,
     Pentagon,
+    Hexagon,
     Spark,
     Triad,
     Cross,

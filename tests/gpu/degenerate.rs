@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::scene::{Camera, Skip};
 
-const METHODS: [&str; 20] = [
+const METHODS: [&str; 22] = [
     "none",
     "rays",
     "dsm:map=32",
@@ -22,6 +22,8 @@ const METHODS: [&str; 20] = [
     "osm:map=17,layers=9,slicing=lit,average=transmittance",
     "dom:map=17,layers=6,split=texel,depth_bits=32,average=transmittance,lookup=each",
     "bom:map=17,layers=5,split=growing,log_size=2,lookup=each",
+    "wavelet:map=32",
+    "wavelet:map=17,rank=6,range=texel,bits=32",
     "beer:map=32",
     "beer:map=17,mean=matter,bits=32,align=on",
 ];

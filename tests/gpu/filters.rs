@@ -11,7 +11,7 @@ const ABOVE: Light = Light::Directional { toward: DVec3::Z };
 
 /// Methods whose stored curves are exact where the matter of a light ray ends. The flag says whether `filter=gauss`
 /// averages optical depth there, and not transmittance.
-const METHODS: [(&str, bool); 12] = [
+const METHODS: [(&str, bool); 14] = [
     ("dsm:epsilon=0.001", false),
     ("osm:layers=8,bits=32", false),
     ("osm:layers=8,bits=32,average=depth", true),
@@ -22,6 +22,8 @@ const METHODS: [(&str, bool); 12] = [
     ("avsm:bits=32", false),
     ("fourier:bits=32", true),
     ("fourier:bits=32,range=texel", false),
+    ("wavelet:bits=32", true),
+    ("wavelet:bits=32,range=texel", false),
     ("moments:bits=32", true),
     ("moments:bits=16", true),
 ];

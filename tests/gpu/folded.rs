@@ -112,6 +112,7 @@ fn marches_by_samples_and_pictures_differ_by_rounding_alone() {
             "moments",
             "fourier",
             "clusters",
+            "wavelet",
             "beer",
         ];
         for name in methods {

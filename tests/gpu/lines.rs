@@ -9,13 +9,14 @@ use umbravox::strands::{
 };
 
 /// Every shadow method with a map, as fine as possible, with its allowed error behind all strands.
-const METHODS: [(&str, f32); 9] = [
+const METHODS: [(&str, f32); 10] = [
     ("dsm:epsilon=0.001", 0.002),
     ("osm:layers=256", 1e-3),
     ("dom:bits=32", 1e-3),
     ("bom:bits=32", 1e-3),
     ("clusters", 1e-3),
     ("fourier:terms=15,range=texel,bits=32", 0.01),
+    ("wavelet:rank=5,range=texel,bits=32", 1e-3),
     ("avsm:nodes=16", 2e-3),
     ("moments", 0.01),
     ("beer", 1e-3),

@@ -55,6 +55,7 @@ mod tubes;
 mod tuning;
 mod tunnel;
 mod view;
+mod wavelet;
 
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;

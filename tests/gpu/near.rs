@@ -6,7 +6,7 @@ use umbravox::shadow::Curve;
 use umbravox::transfer::ClipPlane;
 
 /// Map methods with coarse maps.
-const METHODS: [&str; 9] = [
+const METHODS: [&str; 10] = [
     "dsm:map=24",
     "dsm:map=24,march=samples,align=on",
     "osm:map=24,layers=32",
@@ -15,6 +15,7 @@ const METHODS: [&str; 9] = [
     "clusters:map=24,clusters=4",
     "avsm:map=24,nodes=16",
     "moments:map=24,moments=8",
+    "wavelet:map=24",
     "beer:map=24",
 ];
 

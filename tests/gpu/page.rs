@@ -129,9 +129,9 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
 #[test]
 fn pages_of_a_phantom_draw_the_pictures_of_the_program() {
     let scene = ["phantom:thorax:48", "--tf", "ct", "--size", "96x80", "--shading", "lambert"];
-    let methods = "rays;dsm:map=96;avsm:map=96;osm:map=96;fourier:map=96;moments:map=96;bom:map=96;beer:map=96;lightvolume;none";
+    let methods = "rays;dsm:map=96;avsm:map=96;osm:map=96;fourier:map=96;wavelet:map=96;moments:map=96;bom:map=96;beer:map=96;lightvolume;none";
     if let Some(moved) = check(&scene, methods) {
-        assert_eq!(moved, 9, "all but lightvolume");
+        assert_eq!(moved, 10, "all but lightvolume");
     }
 }
 

@@ -5,10 +5,10 @@ use super::*;
 use glam::DVec2;
 
 /// Light at infinity on the z axis, for which all texels have the same curve.
-const ABOVE: Light = Light::Directional { toward: DVec3::Z };
+pub(super) const ABOVE: Light = Light::Directional { toward: DVec3::Z };
 
 /// Number of voxels of the layered volume along the light.
-const DEEP: usize = 128;
+pub(super) const DEEP: usize = 128;
 const WIDE: usize = 16;
 
 /// Volume of layers: `value` gets the fraction of the depth from the light of [`ABOVE`] on.
@@ -23,17 +23,17 @@ fn ray_err_max(setup: &Setup, method: &str) -> f64 {
 }
 
 /// Volume of slabs of one voxel or more: value 1000 inside the given fractions of the depth.
-fn slabs(volume_shares: &'static [[f64; 2]]) -> Arc<Volume> {
+pub(super) fn slabs(volume_shares: &'static [[f64; 2]]) -> Arc<Volume> {
     layers_of(move |s| if volume_shares.iter().any(|[a, b]| (*a..*b).contains(&s)) { 1000.0 } else { 0.0 })
 }
 
 /// Transfer function with constant extinction, 1/mm, inside slabs and none outside.
-fn even(per_mm: f64) -> TransferFunction {
+pub(super) fn even(per_mm: f64) -> TransferFunction {
     extinction(&[(500.0, 0.0), (500.0, per_mm), (1000.0, per_mm)])
 }
 
 /// Points on light rays through the centres of texels, inside the volume.
-fn on_light_rays(setup: &Setup, map: &ShadowMap) -> Vec<DVec3> {
+pub(super) fn on_light_rays(setup: &Setup, map: &ShadowMap) -> Vec<DVec3> {
     let side = map.light_space.map_size;
     let [start, end] = map.light_space.z_range;
     let index_from_world = setup.volume().world_from_index().inverse();
@@ -270,7 +270,12 @@ fn beer_maps_spread_two_slabs_over_the_gap() {
 #[test]
 fn opaque_slabs_keep_their_slope() {
     let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
-    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16,bits=32", "beer:bits=32"] {
+    for method in [
+        "clusters:clusters=1,bits=32",
+        "avsm:nodes=16,bits=32",
+        "beer:bits=32",
+        "wavelet:range=texel,bits=32",
+    ] {
         let error = ray_err_max(&setup, &format!("{method},filter=nearest,near=0,map=32,fit=volume"));
         println!("an opaque slab, {method}: {error:.4}");
         assert!(error < 0.005, "{method}: {error}");
@@ -366,7 +371,12 @@ fn filters_cross_the_edges_of_tiles() {
         };
         let got = depth(&program, DVec2::splat(15.5));
         assert!((got - corner(&nearest)).abs() < 2e-4, "{place}, where four tiles meet: {got}");
-        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8,bits=32", "beer:bits=32"] {
+        for method in [
+            "clusters:clusters=4,bits=32",
+            "avsm:nodes=8,bits=32",
+            "beer:bits=32",
+            "wavelet:range=texel,bits=32",
+        ] {
             let build = |filter: &str| {
                 setup.shadow(&format!("{method},near=0,map=41,fit=volume,filter={filter}"), light)
             };
@@ -400,9 +410,10 @@ fn more_numbers_say_more() {
     let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);
     let Some(setup) = Setup::open(&phantom("thorax:64"), &thorax) else { return };
     let exact = setup.exact();
-    let steps: [(&str, [u32; 3]); 4] = [
+    let steps: [(&str, [u32; 3]); 5] = [
         ("clusters:clusters=", [1, 4, 16]),
         ("fourier:terms=", [3, 11, 31]),
+        ("wavelet:rank=", [1, 3, 6]),
         ("avsm:nodes=", [4, 8, 24]),
         ("moments:moments=", [4, 6, 8]),
     ];

@@ -18,7 +18,7 @@ use wgpu::naga::{self, back::spv, proc::BoundsCheckPolicy};
 /// Card for which Mesa compiles.
 const CARD: &str = "NAVI21";
 /// Methods whose shaders are compiled: every method, and the settings with the largest shaders.
-const METHODS: [&str; 19] = [
+const METHODS: [&str; 20] = [
     "rays",
     "dsm",
     "dsm:march=samples",
@@ -36,6 +36,7 @@ const METHODS: [&str; 19] = [
     "avsm:nodes=16",
     "moments:moments=6",
     "moments:moments=8",
+    "wavelet:rank=4",
     "beer",
     "lightvolume:scale=4",
 ];

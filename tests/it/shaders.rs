@@ -104,6 +104,8 @@ fn hash(value: &impl Hash) -> u64 {
 fn pairwise(mut variants: Vec<(ShaderVariant, Tuning)>) -> Vec<(ShaderVariant, Tuning)> {
     let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();
     let all: BTreeSet<&str> = variants.iter().flat_map(|(variant, _)| variant.defs.iter().copied()).collect();
+    // In a shuffled order, variants that follow each other differ in many settings, and fewer have every pair.
+    variants.sort_by_cached_key(hash);
     let mut used: HashMap<u64, Vec<&str>> = HashMap::new();
     let mut pairs = HashSet::new();
     variants.retain(|(variant, tuning)| {

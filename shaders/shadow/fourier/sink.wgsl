@@ -6,7 +6,7 @@
 // which a first march finds.
 #define_import_path umbravox::sink
 
-#import umbravox::light::light
+#import umbravox::series_range::{range_start, range_mm, start_range, extend_range, stored_range}
 #import umbravox::vectors::{vector_map, VECTORS}
 
 const TERMS: u32 = #{TERMS};
@@ -20,24 +20,9 @@ struct Sink {
 // Fourier coefficients: a_0, then a_k and b_k in pairs. One more term may fill the last vector.
 var<private> sums: array<vec4<f32>, VECTORS>;
 var<private> total_depth: f32;
-// Depth range of the Fourier series, mm: its start and length.
-var<private> range_start: f32;
-var<private> range_mm: f32;
-#ifdef TEXEL_RANGE
-var<private> finding_range: bool;
-var<private> range_end: f32;
-// Shortest depth range of a texel's series, mm, as for a ray that meets a single face.
-const LEAST_RANGE: f32 = 1e-3;
-#endif
 
 fn start_sink(march: u32) -> Sink {
-#ifdef TEXEL_RANGE
-    finding_range = march == 0u;
-    range_mm = max(range_end - range_start, LEAST_RANGE);
-#else
-    range_start = light.depth_start_mm;
-    range_mm = light.depth_range_mm;
-#endif
+    start_range(march);
     for (var v = 0u; v < VECTORS; v++) { sums[v] = vec4<f32>(0.0); }
     total_depth = 0.0;
     return Sink(0.0);
@@ -56,15 +41,11 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
     // The piece ends where the ray ends.
     let z_end = z_from + (z_to - z_from) * (d / depth);
-#ifdef TEXEL_RANGE
-    if finding_range {
-        range_start = select(range_start, z_from, (*sink).optical_depth == 0.0);
-        range_end = z_end;
+    if extend_range(z_from, z_end, (*sink).optical_depth == 0.0) {
         (*sink).optical_depth += d;
         total_depth = (*sink).optical_depth;
         return (*sink).optical_depth >= vector_map.max_depth;
     }
-#endif
     let middle = PI * (z_from + z_end - 2.0 * range_start) / range_mm;
     let half = PI * (z_end - z_from) / range_mm;
     let rotation = vec2<f32>(cos(middle), sin(middle));
@@ -98,7 +79,7 @@ fn met_extinction() -> bool {
 fn stored_vector(v: u32) -> vec4<f32> {
 #ifdef TEXEL_RANGE
     // The texel's depth range, as fractions of the map's, takes the place of the term after the last.
-    let range = vec2<f32>(range_start - light.depth_start_mm, range_mm) / light.depth_range_mm;
+    let range = stored_range();
     let last = (TERMS & 1u) == 0u;
     let with_range = select(vec4<f32>(range, 0.0, 0.0), vec4<f32>(sums[v].xy, range), last);
     return select(sums[v], with_range, v == (TERMS + 1u) / 2u);

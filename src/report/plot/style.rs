@@ -60,6 +60,7 @@ pub fn marker(drawing: &mut Drawing, at: Point, marker: Marker, color: Rgb) {
             Marker::Left => around(3, -2.0 * half, [1.3 * r; 2]),
             Marker::Right => around(3, 2.0 * half, [1.3 * r; 2]),
             Marker::Pentagon => around(5, 0.0, [1.2 * r; 2]),
+            Marker::Hexagon => around(6, 0.0, [1.2 * r; 2]),
             Marker::Triad => around(6, 0.0, [1.6 * r, 0.45 * r]),
             Marker::Spark => around(8, 0.0, [1.6 * r, 0.6 * r]),
             Marker::Star => around(10, 0.0, [1.5 * r, 0.62 * r]),

@@ -23,7 +23,7 @@ use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
 use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
-use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
+use super::vectors::{RANGE, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 
 choices! {
@@ -37,11 +37,11 @@ choices! {
 }
 
 choices! {
-    /// Depth range over which a Fourier opacity map expands its series.
+    /// Depth range over which a Fourier opacity map or a wavelet map expands its series.
     pub enum SeriesRange {
-        /// Expands the Fourier series over the depth range of the whole shadow map.
+        /// Expands the series over the depth range of the whole shadow map.
         Map = "map",
-        /// Expands the Fourier series over the depth range of the matter in each texel.
+        /// Expands the series over the depth range of the matter in each texel.
         Texel = "texel",
     }
 }
@@ -100,7 +100,7 @@ impl VectorMap for FourierOpacityMap {
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
             marches: texel_range.then_some(2),
-            sink: &["shadow/fourier/sink.wgsl"],
+            sink: &[RANGE, "shadow/fourier/sink.wgsl"],
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,

@@ -1,6 +1,6 @@
-//! Shadow maps with a fixed number of four-vectors in each texel, the common part of `fourier`, `moments`, `clusters`,
-//! `avsm` and `beer`. Each of these methods is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows
-//! from them.
+//! Shadow maps with a fixed number of four-vectors in each texel, the common part of `fourier`, `wavelet`, `moments`,
+//! `clusters`, `avsm` and `beer`. Each of these methods is a [`VectorMap`]: its settings, and the
+//! [`VectorMapDescriptor`] that follows from them.
 //!
 //! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a module of the method
 //! that receives the matter along the light ray) and one texture atlas of shadow map tiles. Every tile has a margin
@@ -9,7 +9,8 @@
 //! extinction take no memory, as in every shadow map here.
 //!
 //! A light ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. A segment of the light ray is a whole stretch
-//! within one cell, whose matter is assumed to be uniform; `avsm` and `moments:measure=light` take shorter segments.
+//! within one cell, whose matter is assumed to be uniform; `avsm`, `wavelet` and
+//! `moments:measure=light` take shorter segments.
 
 use super::filter::{Filter, Taps};
 use super::keys::{Align, Lookups};
@@ -28,6 +29,8 @@ use bytemuck::{Pod, Zeroable};
 pub type MethodParams = [f32; 8];
 /// Binding index of the uniform buffer [`MethodParams`] in shader group 1.
 const PARAMS_BINDING: u32 = 5;
+/// File of the shader module with the depth range of a series, which sinks import.
+pub(super) const RANGE: &str = "shadow/vectors/range.wgsl";
 /// Number of texels per side of a texture that every graphics adapter supports.
 const WIDEST_ATLAS: u32 = 8192;
 
@@ -308,7 +311,7 @@ mod tests {
             constants: vec![Constant::unsigned("TERMS", 3)],
             defs: Vec::new(),
             marches: None,
-            sink: &["shadow/fourier/sink.wgsl"],
+            sink: &[RANGE, "shadow/fourier/sink.wgsl"],
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             params: None,
             lookup_mode: Lookups::Shared,
