@@ -5,7 +5,7 @@
 use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
-use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
+use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays, sat};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::str::FromStr;
@@ -31,6 +31,7 @@ pub const METHODS: &[&Entry] = &[
     &moments::ENTRY,
     &beer::ENTRY,
     &lightvolume::ENTRY,
+    &sat::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,
 ];

@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::scene::{Camera, Skip};
 
-const METHODS: [&str; 20] = [
+const METHODS: [&str; 22] = [
     "none",
     "rays",
     "dsm:map=32",
@@ -24,6 +24,8 @@ const METHODS: [&str; 20] = [
     "bom:map=17,layers=5,split=growing,log_size=2,lookup=each",
     "beer:map=32",
     "beer:map=17,mean=matter,bits=32,align=on",
+    "sat:scale=1",
+    "sat:scale=2.5,boxes=3,angle=40,filter=nearest,lookup=each",
 ];
 
 /// Asserts sane pictures and transmittances for every shadow method, light and way of skipping.

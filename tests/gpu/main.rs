@@ -44,6 +44,7 @@ mod pool;
 mod program;
 mod rivals;
 mod samples;
+mod sat;
 #[path = "../common/attack/mod.rs"]
 mod scenes;
 mod shading;

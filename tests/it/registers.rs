@@ -18,7 +18,7 @@ use wgpu::naga::{self, back::spv, proc::BoundsCheckPolicy};
 /// Card for which Mesa compiles.
 const CARD: &str = "NAVI21";
 /// Methods whose shaders are compiled: every method, and the settings with the largest shaders.
-const METHODS: [&str; 19] = [
+const METHODS: [&str; 20] = [
     "rays",
     "dsm",
     "dsm:march=samples",
@@ -38,6 +38,7 @@ const METHODS: [&str; 19] = [
     "moments:moments=8",
     "beer",
     "lightvolume:scale=4",
+    "sat",
 ];
 /// Largest relative difference from the table.
 const TOLERANCE: f64 = 0.1;
