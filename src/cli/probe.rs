@@ -11,7 +11,7 @@ use crate::files::input::read_text;
 use crate::measure::errors::mean_of_maps;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::Session;
-use crate::scene::LightSource;
+use crate::shadow::mapped_lights;
 use clap::Args;
 use glam::DVec3;
 use std::io::{self, IsTerminal};
@@ -98,8 +98,9 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         }
         let session = Session::open(run.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
             .with_strands(strands);
-        let build = |light: LightSource| session.shadow(method.as_ref(), light.light);
-        let shadows = source.samples().map(build).collect::<Result<Vec<_>>>()?;
+        let lights = mapped_lights(method.as_ref(), &scene.under(source.clone())).into_iter();
+        let shadows =
+            lights.map(|light| session.shadow(method.as_ref(), light)).collect::<Result<Vec<_>>>()?;
         let found = mean_of_maps(&shadows, &points, |map, points| session.query(map, points))?;
         let enclosure = shadows.first().filter(|_| !source.is_soft()).and_then(|map| map.enclosure.as_ref());
         let enclosed = enclosure.map(|e| e.query(&session, &points)).transpose()?;

@@ -17,7 +17,7 @@ use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings, valu
 use crate::render::{Omission, Picture, Renderer};
 use crate::report::annotate::annotated;
 use crate::scene::{LightSource, Scene};
-use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap};
+use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap, mapped_lights};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -320,7 +320,7 @@ impl Summary {
             bound_depth_mm: bound.map(|b| b.depth_mm),
             mean_error: None,
             certificate: None,
-            lights: scene.shining().into_iter().zip(maps()).map(LightCost::new).collect(),
+            lights: mapped_lights(method, scene).into_iter().zip(maps()).map(LightCost::new).collect(),
             left_out: picture.plan.left_out.clone(),
             frames: None,
         }

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::field::{DeferredPasses, LoadedVolume};
 use crate::render::{DeviceTransfer, DisabledOptimizations, Picture, Renderer};
 use crate::scene::Scene;
-use crate::shadow::{Method, ShadowMap};
+use crate::shadow::{Method, ShadowMap, mapped_lights};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -126,7 +126,7 @@ impl CachedSession {
     /// lacks them.
     pub fn missing(&self, method: &dyn Method, scene: &Scene) -> usize {
         let missing = |source| self.shadows.missing(source, method, scene);
-        self.source().map_or(scene.shining().len(), missing)
+        self.source().map_or_else(|| mapped_lights(method, scene).len(), missing)
     }
 
     /// Returns [`Change::View`] if the cache has a shadow map of the method for every light, but one does not cover

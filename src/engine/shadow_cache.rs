@@ -1,11 +1,10 @@
 //! Cache of shadow maps that several pictures share.
 
-use super::invalidation::shining_lights;
 use crate::error::Result;
 use crate::field::{DeferredPasses, View};
 use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
-use crate::scene::{Light, Scene};
-use crate::shadow::{Method, ShadowMap};
+use crate::scene::{LightSource, Scene};
+use crate::shadow::{Method, ShadowMap, mapped_lights};
 use std::cell::Cell;
 use std::ops::Range;
 
@@ -69,6 +68,11 @@ fn method_key(method: &dyn Method) -> String {
     format!("{method:?}")
 }
 
+/// Lights of the shadow maps of a picture, without colours.
+fn lights_of(method: &dyn Method, scene: &Scene) -> Vec<LightSource> {
+    mapped_lights(method, scene).into_iter().map(LightSource::uncolored).collect()
+}
+
 /// Shadow methods whose cached shadow maps a picture may use, as cache keys.
 struct Acceptable {
     /// Cache key of the shadow method that the user requested.
@@ -76,6 +80,8 @@ struct Acceptable {
     /// Cache key of the shadow method whose map is built: the requested method, or `none` if the scene needs no
     /// shadows.
     effective: String,
+    /// Lights for which the maps are built.
+    lights: Vec<LightSource>,
     view: Option<View>,
 }
 
@@ -87,7 +93,8 @@ impl Acceptable {
         view: Option<View>,
     ) -> Self {
         let effective = renderer.effective_method(loaded, transfer, method, scene);
-        Self { requested: method_key(method), effective: method_key(effective), view }
+        let lights = lights_of(effective, scene);
+        Self { requested: method_key(method), effective: method_key(effective), lights, view }
     }
 
     fn needs_shadows(&self) -> bool {
@@ -98,7 +105,7 @@ impl Acceptable {
 /// Cached shadow map, with the shadow method and the light for which it was built.
 struct CachedMap {
     method: String,
-    light: Light,
+    light: LightSource,
     map: ShadowMap,
     /// View for which the coverage of this cached shadow map was tested last (`None`: all points), and the result of
     /// the test. A test on a large volume takes milliseconds.
@@ -115,8 +122,8 @@ impl CachedMap {
         }
         let (space, volume, active) = (&self.map.light_space, &source.loaded.volume, &source.transfer.active);
         let covers = match reuse {
-            ReusePolicy::Covering => space.serves(volume, active, self.light, view.as_ref()),
-            ReusePolicy::Exact => space.is_fitted_to(volume, active, self.light, view.as_ref()),
+            ReusePolicy::Covering => space.serves(volume, active, self.light.light, view.as_ref()),
+            ReusePolicy::Exact => space.is_fitted_to(volume, active, self.light.light, view.as_ref()),
         };
         self.tested.set(Some((view, covers)));
         covers
@@ -151,9 +158,9 @@ impl ShadowCache {
     /// lacks them.
     pub fn missing(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> usize {
         let acceptable = Acceptable::new(source, method, scene, MapCoverage::Picture.view(scene));
-        let is_missing = |light: &&Light| self.find(source, &acceptable, **light).is_none();
+        let is_missing = |light: &&LightSource| self.find(source, &acceptable, light).is_none();
         match acceptable.needs_shadows() {
-            true => shining_lights(scene).iter().filter(is_missing).count(),
+            true => acceptable.lights.iter().filter(is_missing).count(),
             false => 0,
         }
     }
@@ -162,18 +169,18 @@ impl ShadowCache {
     /// region.
     pub fn is_outgrown(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> bool {
         let method_key = method_key(method);
-        let is_map = |map: &CachedMap, light: &Light| {
+        let is_map = |map: &CachedMap, light: &LightSource| {
             map.light == *light && map.method == method_key && map.deferred.is_none()
         };
-        let exists = |light: &Light| self.maps.iter().any(|map| is_map(map, light));
-        shining_lights(scene).iter().all(exists) && self.missing(source, method, scene) > 0
+        let exists = |light: &LightSource| self.maps.iter().any(|map| is_map(map, light));
+        lights_of(method, scene).iter().all(exists) && self.missing(source, method, scene) > 0
     }
 
-    fn find(&self, source: MapSource<'_>, acceptable: &Acceptable, light: Light) -> Option<usize> {
-        let Acceptable { requested, effective, view } = acceptable;
+    fn find(&self, source: MapSource<'_>, acceptable: &Acceptable, light: &LightSource) -> Option<usize> {
+        let Acceptable { requested, effective, view, .. } = acceptable;
         self.maps.iter().rposition(|map| {
             let is_substitute = !acceptable.needs_shadows() && map.method == *effective;
-            map.light == light
+            map.light == *light
                 && map.deferred.is_none()
                 && (is_substitute || (map.method == *requested && map.covers(source, *view, self.reuse)))
         })
@@ -194,31 +201,31 @@ impl ShadowCache {
         deferred: Option<&DeferredPasses>,
     ) -> Result<Vec<&ShadowMap>> {
         self.maps.retain(|map| map.deferred.is_none());
-        let lights = shining_lights(scene);
         let acceptable = Acceptable::new(source, method, scene, coverage.view(scene));
-        let mut missing: Vec<Light> = Vec::new();
-        for light in &lights {
-            match self.find(source, &acceptable, *light) {
+        let lights = &acceptable.lights;
+        let mut missing: Vec<LightSource> = Vec::new();
+        for light in lights {
+            match self.find(source, &acceptable, light) {
                 Some(place) => {
                     let map = self.maps.remove(place);
                     self.maps.push(map);
                 }
                 None if missing.contains(light) => {}
-                None => missing.push(*light),
+                None => missing.push(light.clone()),
             }
         }
         if !acceptable.needs_shadows() {
             // Empty shadow maps of earlier lights must not evict maps that took long to build.
             self.maps.retain(|map| map.method != acceptable.effective || lights.contains(&map.light));
         }
-        self.make_room(&lights, missing.len());
+        self.make_room(lights, missing.len());
         let margin = if self.reuse == ReusePolicy::Exact { 0.0 } else { VIEW_MARGIN };
         let view = acceptable.view.map(|view| view.with_margin(margin));
         let MapSource { renderer, loaded, transfer } = source;
         for light in missing {
             let first = deferred.map_or(0, DeferredPasses::len);
             let field = (loaded, transfer);
-            let map = renderer.shadow_with(field, method, (scene, light), view.as_ref(), deferred)?;
+            let map = renderer.shadow_with(field, method, (scene, &light), view.as_ref(), deferred)?;
             let passes = first..deferred.map_or(0, DeferredPasses::len);
             let deferred = (!passes.is_empty()).then_some(passes);
             if acceptable.needs_shadows() {
@@ -230,7 +237,8 @@ impl ShadowCache {
             self.maps.push(CachedMap { method, light, map, tested, deferred });
         }
         // The most recently used map of each light is the one for this picture.
-        let last = |light: &Light| self.maps.iter().rfind(|map| map.light == *light).map(|map| &map.map);
+        let last =
+            |light: &LightSource| self.maps.iter().rfind(|map| map.light == *light).map(|map| &map.map);
         Ok(lights.iter().filter_map(last).collect())
     }
 
@@ -272,7 +280,7 @@ impl ShadowCache {
 
     /// Evicts the least recently used shadow maps from the cache until it has space for `missing` more. Maps of
     /// lights outside `lights` are evicted first.
-    fn make_room(&mut self, lights: &[Light], missing: usize) {
+    fn make_room(&mut self, lights: &[LightSource], missing: usize) {
         let is_other = |map: &CachedMap| !lights.contains(&map.light);
         loop {
             let others = self.maps.iter().filter(|map| is_other(map)).count();

@@ -8,7 +8,7 @@ use super::{
 use crate::error::{Error, Result};
 use crate::gpu::tuning::MAX_LIGHT_SAMPLES;
 use crate::gpu::{DevicePass, Gpu, Group, Kernels, Read, ShaderVariant, Slot, Span, uniform_buffer};
-use crate::scene::Light;
+use crate::scene::{Extent, Light};
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
 
@@ -32,6 +32,8 @@ pub struct BuildContext<'a> {
     pub strands: Option<&'a VoxelisedStrands>,
     /// Light whose shadow map is built.
     pub light: Light,
+    /// Size of the light, if the map answers for a whole light with a size.
+    pub extent: &'a Extent,
     /// Camera view in which the shadow map is needed; `None`: at all points.
     pub view: Option<&'a View>,
     /// Passes that wait for the submission of the picture; `None` if passes run at once.

@@ -3,17 +3,17 @@
 
 use super::fold::FoldUniform;
 use super::merged_function::MergedFunction;
-use super::transfer_textures::{color_integrals, distance_texture, no_pairs, row_texture};
+use super::transfer_textures::{color_integrals, distance_texture, interval_table, no_pairs, row_texture};
 use super::{
-    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, grid_from_world, marches_cells,
+    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, SharedBuffers, grid_from_world,
+    marches_cells,
 };
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{
     Gpu, Group, ShaderVariant, Slot, StorageBuffer, clamp_sampler, table_texture, uniform_buffer,
 };
 use crate::transfer::{
-    ClipPlane, ExtinctionRanges, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping,
-    TransferFunction, TransferTables, VALUE_BINS,
+    ClipPlane, ExtinctionRanges, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
 };
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
@@ -45,27 +45,6 @@ struct FieldUniform {
     pub clip: [[f32; 4]; MOST_CLIP_PLANES],
     // Read by variants for a folded texture alone.
     pub fold: FoldUniform,
-}
-
-/// Uniform with the intervals between the control points of a transfer function: `IntervalTable` of
-/// `shaders/field/transfer.wgsl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct IntervalTable {
-    pub intervals: [[f32; 4]; MAX_INTERVALS],
-    pub of_bin: [[u32; 4]; VALUE_BINS / 4],
-}
-
-fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
-    let n = tables.intervals.len();
-    if n > MAX_INTERVALS {
-        let why = format!("{n} pieces between its points, at most {MAX_INTERVALS} are drawn");
-        return Err(Error::input("cannot use transfer function", "its points", why));
-    }
-    let mut table = Box::new(IntervalTable::zeroed());
-    table.intervals[..n].copy_from_slice(&tables.intervals);
-    bytemuck::cast_slice_mut(&mut table.of_bin).copy_from_slice(&tables.interval_of_bin);
-    Ok(table)
 }
 
 /// Device data that depend on the transfer function. Each edit of the transfer function replaces them; the volume
@@ -101,6 +80,8 @@ pub struct DeviceTransfer {
     march: OnceLock<MarchTable>,
     /// Number and positions of the outer active bricks on the device.
     outer_bricks: OnceLock<(u32, wgpu::Buffer)>,
+    /// Buffers of shadow methods that do not depend on a light.
+    shared: SharedBuffers,
     /// Transfer function from which the lookup tables on the device were computed.
     tf: TransferFunction,
     mapping: TexelMapping,
@@ -224,6 +205,7 @@ impl DeviceTransfer {
             bindings,
             march: OnceLock::new(),
             outer_bricks: OnceLock::new(),
+            shared: SharedBuffers::default(),
             mapping: on_device.mapping,
             largest_texel: merged.largest_texel,
             has_labels: !merged.shifts.is_empty(),
@@ -275,6 +257,7 @@ impl DeviceTransfer {
             bindings,
             march,
             outer_bricks: self.outer_bricks.clone(),
+            shared: self.shared.clone(),
             tf: self.tf.clone(),
             ..*self
         })
@@ -346,6 +329,11 @@ impl DeviceTransfer {
             }
         };
         Ok((*count, positions))
+    }
+
+    /// Returns the buffers of shadow methods that depend on the extinction alone, and not on a light.
+    pub fn shared(&self) -> &SharedBuffers {
+        &self.shared
     }
 
     /// Returns bind group 0, which holds the volume, the transfer function, and the distance of every brick to the
@@ -433,6 +421,7 @@ fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLAN
 mod tests {
     use super::*;
     use crate::field::field_shader;
+    use crate::field::transfer_textures::IntervalTable;
     use crate::gpu::assert_layout;
 
     #[test]

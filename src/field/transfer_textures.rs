@@ -1,9 +1,36 @@
-//! Textures with the lookup tables of a transfer function, and with the distances of bricks (blocks of voxel cells).
+//! Textures and uniforms with the lookup tables of a transfer function, and textures with the distances of bricks (blocks
+//! of voxel cells).
 
 use super::{ActiveBricks, DisabledOptimizations, Optimization};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Gpu, solid_texture, table_texture, write_texels};
-use crate::transfer::TransferTables;
+use crate::transfer::{MAX_INTERVALS, TransferTables, VALUE_BINS};
+use bytemuck::{Pod, Zeroable};
+
+/// Uniform with the intervals between the control points of a transfer function: `IntervalTable` of
+/// `shaders/field/transfer.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct IntervalTable {
+    pub intervals: [[f32; 4]; MAX_INTERVALS],
+    pub of_bin: [[u32; 4]; VALUE_BINS / 4],
+}
+
+/// Returns the uniform with the intervals of a transfer function.
+///
+/// # Errors
+/// The transfer function has more intervals than the uniform holds.
+pub(super) fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
+    let n = tables.intervals.len();
+    if n > MAX_INTERVALS {
+        let why = format!("{n} pieces between its points, at most {MAX_INTERVALS} are drawn");
+        return Err(Error::input("cannot use transfer function", "its points", why));
+    }
+    let mut table = Box::new(IntervalTable::zeroed());
+    table.intervals[..n].copy_from_slice(&tables.intervals);
+    bytemuck::cast_slice_mut(&mut table.of_bin).copy_from_slice(&tables.interval_of_bin);
+    Ok(table)
+}
 
 /// Creates the lookup table of the transfer function's colour integrals over the voxel value. With only one colour,
 /// it is a single texel.

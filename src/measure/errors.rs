@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::exact::{ExactField, VisiblePoint};
 use crate::render::Session;
 use crate::scene::{Light, LightSource, Scene};
-use crate::shadow::{Enclosure, LightSpace, ShadowMap, Taps};
+use crate::shadow::{Enclosure, LightSpace, ShadowMap, Taps, split_samples};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::borrow::Borrow;
@@ -34,8 +34,8 @@ pub struct VisiblePoints {
     exact: Vec<f64>,
     /// Root mean square of the standard errors of the exact transmittances: 0 for a light without a size.
     exact_error: f64,
-    /// Number of shadow maps of the light, whose answers are averaged.
-    maps: usize,
+    /// Number of samples of the light, for which its shadow maps answer.
+    samples: usize,
     /// Whether the light has a size.
     is_soft: bool,
 }
@@ -57,7 +57,7 @@ impl VisiblePoints {
             weights,
             exact,
             exact_error,
-            maps: source.sample_count(),
+            samples: source.sample_count(),
             is_soft: source.is_soft(),
         }
     }
@@ -208,7 +208,7 @@ impl VisiblePointsByLight {
     ) -> impl Iterator<Item = (&'s VisiblePoints, &'s [ShadowMap])> {
         let mut rest = shadows;
         self.0.iter().map(move |part| {
-            let (maps, others) = rest.split_at(part.maps.min(rest.len()));
+            let (maps, others) = split_samples(rest, part.samples);
             rest = others;
             (part, maps)
         })
@@ -239,7 +239,7 @@ impl VisiblePointsByLight {
 }
 
 /// Returns the transmittance from a light at points (world mm): the mean of the answers of its shadow maps, one for each
-/// sample of a light with a size. Without maps it is 1.
+/// sample of a light with a size or one for all. Without maps it is 1.
 ///
 /// # Errors
 /// A query fails.

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::exact::ExactField;
 use crate::random::Chance;
 use crate::scene::{LightSource, Scene};
-use crate::shadow::ShadowMap;
+use crate::shadow::{ShadowMap, split_samples};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -39,8 +39,8 @@ pub struct MeanErrorSample {
 /// Random points of one light.
 #[derive(Default)]
 struct LightSample {
-    /// Number of shadow maps of the light.
-    maps: usize,
+    /// Number of samples of the light, for which its shadow maps answer.
+    samples: usize,
     points_mm: Vec<DVec3>,
     /// Opacity of the pixel that sees each point.
     opacities: Vec<f64>,
@@ -61,7 +61,7 @@ impl MeanErrorSample {
     pub fn new(field: &ExactField, scene: &Scene, draws: usize) -> Self {
         let shining = scene.sources_shining();
         let sample =
-            |source: &LightSource| LightSample { maps: source.sample_count(), ..LightSample::default() };
+            |source: &LightSource| LightSample { samples: source.sample_count(), ..LightSample::default() };
         let mut lights: Vec<LightSample> = shining.iter().map(sample).collect();
         let channel = |source: &LightSource| source.radiance().into_iter().fold(0.0, f64::max);
         let channels: Vec<f64> = shining.iter().map(channel).collect();
@@ -101,7 +101,7 @@ impl MeanErrorSample {
         let mut values = Vec::with_capacity(self.draws);
         let mut rest = shadows;
         for sample in &self.lights {
-            let (maps, others) = rest.split_at(sample.maps.min(rest.len()));
+            let (maps, others) = split_samples(rest, sample.samples);
             rest = others;
             let found = mean_of_maps(maps, &sample.points_mm, &query)?;
             let error = |(t, exact): (&f64, &f64)| match (t - exact).abs() {

@@ -26,8 +26,8 @@ use crate::error::Result;
 use crate::exact::ExactField;
 use crate::field::DeviceTransfer;
 use crate::render::{Omission, Session, View};
-use crate::scene::{Light, Scene};
-use crate::shadow::{Bound, BuildReport, LightSpace, Lookup, Method, ShadowMap};
+use crate::scene::{Light, LightSource, Scene};
+use crate::shadow::{Bound, BuildReport, LightSpace, Lookup, Method, ShadowMap, mapped_lights};
 use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
@@ -352,6 +352,10 @@ impl<'a> Reference<'a> {
         shadows: &[ShadowMap],
         row: &mut Row,
     ) -> Result<Vec<String>> {
+        // Curves along light rays are those of lights without a size.
+        if mapped_lights(method, self.job.scene).iter().any(LightSource::is_soft) {
+            return Ok(Vec::new());
+        }
         let (mut all, mut points, mut notes) = (BoundReport::default(), PointReport::default(), Vec::new());
         for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
             // All lights together get as many rays as a single light would.

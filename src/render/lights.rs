@@ -5,7 +5,8 @@ use crate::field::DeferredPasses;
 use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 
-/// Shadow maps of a scene's lights that are not black, in the order of the lights ([`Scene::shining`]).
+/// Shadow maps of a scene's lights that are not black, in the order of the lights
+/// ([`mapped_lights`](crate::shadow::mapped_lights)).
 #[derive(Clone)]
 pub struct LightMaps<'a> {
     maps: Vec<&'a ShadowMap>,
@@ -28,7 +29,8 @@ impl<'a> LightMaps<'a> {
     /// Returns an error if the number of shadow maps differs from the number of the scene's lights that are not
     /// black.
     pub(super) fn checked(self, scene: &Scene) -> Result<Self> {
-        let (maps, lights) = (self.maps.len(), scene.shining().len());
+        let (maps, lights) =
+            (self.maps.iter().map(|map| map.samples()).sum::<usize>(), scene.shining().len());
         match maps == lights && maps > 0 {
             true => Ok(self),
             false => {
@@ -83,19 +85,27 @@ impl LightPass {
         Self { map: 0, radiance: needs_factor.then_some(radiance) }
     }
 
-    /// Returns the rendering passes of a picture, one per light or a single one for all lights. `depends_on_light`
-    /// says whether shading or shadows differ between lights.
-    pub fn all(scene: &Scene, depends_on_light: bool) -> Vec<Self> {
+    /// Returns the rendering passes of a picture, one per shadow map or a single one for all lights. `samples` are the
+    /// numbers of lights without size for which the maps answer, and `depends_on_light` says whether shading or shadows
+    /// differ between lights.
+    pub fn all(scene: &Scene, samples: &[usize], depends_on_light: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {
             return vec![Self::only(scene, LightSource::WHITE)];
         }
-        if lights.len() == 1 || !depends_on_light {
-            let sum = |c: usize| lights.iter().map(|light| light.radiance()[c]).sum();
-            return vec![Self::only(scene, std::array::from_fn(sum))];
+        let sum = |lights: &[LightSource]| {
+            std::array::from_fn(|c| lights.iter().map(|light| light.radiance()[c]).sum())
+        };
+        if samples.len() == 1 || !depends_on_light {
+            return vec![Self::only(scene, sum(&lights))];
         }
-        let pass = |(map, light): (usize, &LightSource)| Self { map, radiance: Some(light.radiance()) };
-        lights.iter().enumerate().map(pass).collect()
+        let mut rest = &lights[..];
+        let pass = |(map, samples): (usize, &usize)| {
+            let (own, others) = rest.split_at((*samples).min(rest.len()));
+            rest = others;
+            Self { map, radiance: Some(sum(own)) }
+        };
+        samples.iter().enumerate().map(pass).collect()
     }
 }
 
@@ -103,6 +113,7 @@ impl LightPass {
 mod tests {
     use super::*;
     use crate::phantom::Phantom;
+    use crate::scene::Extent;
 
     #[test]
     fn a_picture_has_the_fewest_passes() {
@@ -116,7 +127,8 @@ mod tests {
         let passes = |lights: &[([f64; 3], f64)], ambient, depends_on_light| {
             let scene =
                 Scene { lights: lights.iter().map(light).collect(), ambient, ..Scene::framing(&volume) };
-            let passes = LightPass::all(&scene, depends_on_light);
+            let samples = vec![1; scene.shining().len()];
+            let passes = LightPass::all(&scene, &samples, depends_on_light);
             assert!(passes.iter().enumerate().all(|(i, pass)| pass.map == i));
             passes.iter().map(|pass| pass.radiance).collect::<Vec<_>>()
         };
@@ -129,5 +141,11 @@ mod tests {
         let dark = ([1.0; 3], 0.0);
         assert_eq!(passes(&[dark, dark], 0.1, false), [Some([0.0; 3])]);
         assert_eq!(passes(&[dark, white], 0.1, true), [None]);
+        // One map for a light with four samples, between two others.
+        let soft = LightSource { extent: Extent::SKY, samples: 4, ..light(&red) };
+        let scene = Scene { lights: vec![light(&white), soft, light(&half)], ..Scene::framing(&volume) };
+        let passes = LightPass::all(&scene, &[1, 4, 1], true);
+        let radiances: Vec<_> = passes.iter().map(|pass| pass.radiance).collect();
+        assert_eq!(radiances, [Some([1.0; 3]), Some([2.0, 0.0, 0.0]), Some([0.5; 3])]);
     }
 }

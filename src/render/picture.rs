@@ -164,7 +164,8 @@ impl Renderer {
         let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
-        for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
+        let samples: Vec<usize> = maps.iter().map(|map| map.samples()).collect();
+        for LightPass { map, radiance } in LightPass::all(scene, &samples, plan.depends_on_light()) {
             let shadow = maps[map];
             let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
             let shader = transfer.prepared(self.gpu(), shader)?;

@@ -174,7 +174,7 @@ impl Plan {
             left_out: Vec::new(),
             tiles_place,
         };
-        let lights = scene.shining().len();
+        let lights = maps.len();
         if lights > 1 && !plan.depends_on_light() {
             let what = format!("{} of {lights} passes over the picture", lights - 1);
             left_out.add(what, "without shadows and shading lights add up", None, None);

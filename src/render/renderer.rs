@@ -9,7 +9,7 @@ use crate::field::{
 };
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{AmbientOcclusion, Light, LightSource, Scene};
-use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap, ambient_occlusion};
+use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap, ambient_occlusion, mapped_lights};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
@@ -95,9 +95,9 @@ impl Renderer {
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         method: &dyn Method,
-        light: Light,
+        light: impl Into<LightSource>,
     ) -> Result<ShadowMap> {
-        self.build((loaded, transfer), method, light, None, (None, None))
+        self.build((loaded, transfer), method, &light.into(), None, (None, None))
     }
 
     /// Builds the shadow map of one light like [`Self::shadow`], and records the passes of the build. The map has all
@@ -113,9 +113,10 @@ impl Renderer {
         light: Light,
     ) -> Result<(ShadowMap, RecordedBuild)> {
         // The first build finds the sizes of memory pools, so that the second runs each pass once.
-        self.build((loaded, transfer), method, light, None, (None, Some(&BuildRecorder::default())))?;
+        let light = LightSource::from(light);
+        self.build((loaded, transfer), method, &light, None, (None, Some(&BuildRecorder::default())))?;
         let recorder = BuildRecorder::default();
-        let map = self.build((loaded, transfer), method, light, None, (None, Some(&recorder)))?;
+        let map = self.build((loaded, transfer), method, &light, None, (None, Some(&recorder)))?;
         Ok((map, recorder.into_build()))
     }
 
@@ -141,7 +142,7 @@ impl Renderer {
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         method: &dyn Method,
-        (scene, light): (&Scene, Light),
+        (scene, light): (&Scene, &LightSource),
         view: Option<&View>,
     ) -> Result<ShadowMap> {
         self.shadow_with((loaded, transfer), method, (scene, light), view, None)
@@ -158,7 +159,7 @@ impl Renderer {
         &self,
         field: (&LoadedVolume, &DeviceTransfer),
         method: &dyn Method,
-        (scene, light): (&Scene, Light),
+        (scene, light): (&Scene, &LightSource),
         view: Option<&View>,
         deferred: Option<&DeferredPasses>,
     ) -> Result<ShadowMap> {
@@ -200,13 +201,13 @@ impl Renderer {
         occlusion: AmbientOcclusion,
     ) -> Result<Vec<(ShadowMap, f64)>> {
         let passes = (None, None);
-        ambient_occlusion(&self.build_context(field, Light::default(), None, passes), occlusion)
+        ambient_occlusion(&self.build_context(field, &LightSource::default(), None, passes), occlusion)
     }
 
     fn build_context<'a>(
         &'a self,
         (loaded, transfer): (&'a LoadedVolume, &'a DeviceTransfer),
-        light: Light,
+        source: &'a LightSource,
         view: Option<&'a View>,
         (deferred, recorder): (Option<&'a DeferredPasses>, Option<&'a BuildRecorder>),
     ) -> BuildContext<'a> {
@@ -218,7 +219,8 @@ impl Renderer {
             volume,
             transfer,
             strands: strands.as_deref(),
-            light,
+            light: source.light,
+            extent: &source.extent,
             view,
             deferred,
             recorder,
@@ -229,21 +231,22 @@ impl Renderer {
         &self,
         field: (&LoadedVolume, &DeviceTransfer),
         method: &dyn Method,
-        light: Light,
+        source: &LightSource,
         view: Option<&View>,
         passes: (Option<&DeferredPasses>, Option<&BuildRecorder>),
     ) -> Result<ShadowMap> {
         let start = Instant::now();
         let transfer = field.1;
         let made_before = transfer.march_table().is_some();
-        let mut map = method.build(&self.build_context(field, light, view, passes))?;
+        let mut map = method.build(&self.build_context(field, source, view, passes))?;
+        map.report.more_samples = source.sample_count() - 1;
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
         Ok(map)
     }
 
-    /// Builds the shadow maps of all lights of a scene that are not black ([`Scene::shining`]), in the order of the
+    /// Builds the shadow maps of all lights of a scene that are not black ([`mapped_lights`]), in the order of the
     /// lights.
     ///
     /// # Errors
@@ -256,8 +259,8 @@ impl Renderer {
         scene: &Scene,
         view: Option<&View>,
     ) -> Result<Vec<ShadowMap>> {
-        let build =
-            |source: LightSource| self.shadow_in(loaded, transfer, method, (scene, source.light), view);
-        scene.shining().into_iter().map(build).collect()
+        let lights = mapped_lights(self.effective_method(loaded, transfer, method, scene), scene);
+        let build = |light: LightSource| self.shadow_in(loaded, transfer, method, (scene, &light), view);
+        lights.into_iter().map(build).collect()
     }
 }

@@ -7,7 +7,7 @@ use super::{
 use crate::error::Result;
 use crate::field::View;
 use crate::gpu::Gpu;
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{Method, NodeMap, ShadowMap, node_depths, node_map};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -84,7 +84,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Renderer::shadow`].
-    pub fn shadow(&self, method: &dyn Method, light: Light) -> Result<ShadowMap> {
+    pub fn shadow(&self, method: &dyn Method, light: impl Into<LightSource>) -> Result<ShadowMap> {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
     }
 
@@ -94,7 +94,7 @@ impl Session {
     /// See [`Renderer::shadow`].
     pub fn shadow_of(&self, method: &dyn Method, scene: &Scene, light: Light) -> Result<ShadowMap> {
         let view = View::of_shadows(scene);
-        self.renderer.shadow_in(&self.loaded, &self.transfer, method, (scene, light), view.as_ref())
+        self.renderer.shadow_in(&self.loaded, &self.transfer, method, (scene, &light.into()), view.as_ref())
     }
 
     /// Builds the shadow maps of all lights that are not black, for the picture of a scene, in the order of the

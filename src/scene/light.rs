@@ -371,7 +371,7 @@ mod tests {
     #[test]
     fn samples_share_the_radiance() {
         let hard = LightSource::default();
-        assert_eq!(hard.samples().collect::<Vec<_>>(), [hard.clone()]);
+        assert_eq!(hard.samples().collect::<Vec<_>>(), std::slice::from_ref(&hard));
         let sky = LightSource { extent: Extent::SKY, intensity: 2.0, samples: 8, ..hard.clone() };
         assert_eq!(sky.clone().turned(DQuat::from_rotation_x(1.0), DVec3::ZERO), sky);
         let samples: Vec<_> = sky.samples().collect();

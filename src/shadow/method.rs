@@ -11,6 +11,7 @@ use super::style::Style;
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, LightSpace, NodePool, NodePools, Optimization, TILE_TEXELS};
 use crate::gpu::{Group, ShaderVariant, Span};
+use crate::scene::Extent;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -206,6 +207,10 @@ pub struct BuildReport {
     pub bytes: u64,
     /// Part of the shadow map's memory that transmittance queries can read, bytes.
     pub bytes_used: u64,
+    /// Whether the maps of all lights share the memory, so that it counts once.
+    pub is_shared: bool,
+    /// Number of samples of a light with a size that the shadow map answers for, beside the first: all, or none.
+    pub more_samples: usize,
     /// Memory of the enclosing curves (`enclose=on`), which pictures do not read, bytes.
     pub enclosure_bytes: u64,
     /// Memory that only the build needs, bytes. A window keeps it for later builds.
@@ -244,22 +249,8 @@ impl BuildReport {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
     }
 
-    /// Adds the time and the memory of an enclosure.
-    pub(super) fn add_enclosure(&mut self, enclosure: &Enclosure) {
-        for map in [&enclosure.lower, &enclosure.upper] {
-            self.device = match (self.device, map.report.device) {
-                (Some(own), Some(more)) => Some(own.plus(more)),
-                (own, more) => own.or(more),
-            };
-            self.enclosure_bytes += map.report.bytes;
-            // The curves are built one after another.
-            self.build_bytes = self.build_bytes.max(map.report.build_bytes);
-            self.pool_growths += map.report.pool_growths;
-        }
-    }
-
-    /// Returns the total cost and size of the shadow maps of several lights; only `nodes_max` is the maximum instead
-    /// of the sum.
+    /// Returns the total cost and size of the shadow maps of several lights. `nodes_max` and memory that all maps share
+    /// are the maximum instead of the sum.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
         maps.into_iter().map(|map| map.report).reduce(Self::plus).unwrap_or_default()
     }
@@ -270,11 +261,15 @@ impl BuildReport {
             (a, b) => a.or(b),
         };
         let sum = |a: Option<u64>, b: Option<u64>| a.zip(b).map_or(a.or(b), |(a, b)| Some(a + b));
+        let is_shared = self.is_shared && other.is_shared;
+        let memory = |a: u64, b: u64| if is_shared { a.max(b) } else { a + b };
         Self {
             host_ms: self.host_ms + other.host_ms,
             device,
-            bytes: self.bytes + other.bytes,
-            bytes_used: self.bytes_used + other.bytes_used,
+            bytes: memory(self.bytes, other.bytes),
+            bytes_used: memory(self.bytes_used, other.bytes_used),
+            is_shared,
+            more_samples: self.more_samples + other.more_samples,
             enclosure_bytes: self.enclosure_bytes + other.enclosure_bytes,
             // Maps are built one after another.
             build_bytes: self.build_bytes.max(other.build_bytes),
@@ -379,6 +374,10 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// ([`BuildRecorder`](crate::field::BuildRecorder)). The passes then depend on the light only through the projection
     /// (binding 0 of bind group 1) and through lengths that follow from its depth range. The host reads nothing between them.
     fn builds_on_device(&self) -> bool {
+        false
+    }
+    /// Whether one map answers for a whole light of this size, and not for one of its samples.
+    fn covers(&self, _size: &Extent) -> bool {
         false
     }
     /// Builds the shadow map of a light.

@@ -5,7 +5,9 @@
 use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
-use super::{avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays, wavelet};
+use super::{
+    avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays, sat, wavelet,
+};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::str::FromStr;
@@ -32,6 +34,7 @@ pub const METHODS: &[&Entry] = &[
     &moments::ENTRY,
     &beer::ENTRY,
     &lightvolume::ENTRY,
+    &sat::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,
 ];

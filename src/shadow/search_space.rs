@@ -23,7 +23,7 @@ impl Axis {
         let default = key.parse(key.default);
         let default = values.iter().position(|value| Some(*value) == default).unwrap_or(values.len() / 2);
         let ordered = match key.kind {
-            Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => true,
+            Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } | Kind::NumberOr { .. } => true,
             Kind::Choice(names) => names.iter().all(|name| name.parse::<f64>().is_ok()),
         };
         Self { key: at, values, default, ordered }

@@ -32,6 +32,16 @@ pub enum Kind {
         /// Largest number that the setting of a shadow method allows.
         most: f64,
     },
+    /// Setting of a shadow method whose value is a real number, or a word such as `light` for a number that follows from
+    /// the scene.
+    NumberOr {
+        /// Smallest number that the setting of a shadow method allows.
+        least: f64,
+        /// Largest number that the setting of a shadow method allows.
+        most: f64,
+        /// Word for a number that follows from the scene.
+        word: &'static str,
+    },
     /// Setting of a shadow method whose value is one of the listed words (or numbers).
     Choice(&'static [&'static str]),
 }
@@ -41,9 +51,9 @@ pub enum Kind {
 pub enum Value {
     /// Whole number, the value of a setting of [`Kind::Whole`] or [`Kind::WholeOr`].
     Whole(u32),
-    /// Real number, the value of a setting of [`Kind::Number`].
+    /// Real number, the value of a setting of [`Kind::Number`] or [`Kind::NumberOr`].
     Number(f64),
-    /// Word, the value of a setting of [`Kind::Choice`] or of [`Kind::WholeOr`].
+    /// Word, the value of a setting of [`Kind::Choice`], [`Kind::WholeOr`] or [`Kind::NumberOr`].
     Choice(&'static str),
 }
 
@@ -121,6 +131,16 @@ impl Key {
         Self::new(Kind::Number { least, most }, default, help)
     }
 
+    /// Describes a setting of a shadow method whose value is a real number in a closed range, or a word.
+    pub const fn number_or(
+        [least, most]: [f64; 2],
+        word: &'static str,
+        default: &'static str,
+        help: &'static str,
+    ) -> Self {
+        Self::new(Kind::NumberOr { least, most, word }, default, help)
+    }
+
     /// Describes a setting of a shadow method whose value is one of several words.
     pub const fn choice(names: &'static [&'static str], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Choice(names), default, help)
@@ -160,6 +180,7 @@ impl Key {
         match self.kind {
             Kind::Whole { least, most } => format!("{least}..{most}"),
             Kind::WholeOr { least, most, word } => format!("{word}|{least}..{most}"),
+            Kind::NumberOr { least, most, word } => format!("{word}|{least}..{most}"),
             Kind::Number { least, most } => format!("{least}..{most}"),
             Kind::Choice(names) => names.join("|"),
         }
@@ -168,11 +189,13 @@ impl Key {
     /// Parses a value of a shadow method's setting; returns `None` if the setting does not allow it.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match self.kind {
-            Kind::WholeOr { word, .. } if text == word => Some(Value::Choice(word)),
+            Kind::WholeOr { word, .. } | Kind::NumberOr { word, .. } if text == word => {
+                Some(Value::Choice(word))
+            }
             Kind::Whole { least, most } | Kind::WholeOr { least, most, .. } => {
                 text.parse().ok().filter(|n| (least..=most).contains(n)).map(Value::Whole)
             }
-            Kind::Number { least, most } => {
+            Kind::Number { least, most } | Kind::NumberOr { least, most, .. } => {
                 // Negative zero becomes zero, so that equal values have one text.
                 text.parse().ok().filter(|n| (least..=most).contains(n)).map(|n: f64| Value::Number(n + 0.0))
             }
@@ -260,6 +283,25 @@ impl Field for f64 {
 
     fn to_value(self, _: &Key) -> Option<Value> {
         Some(Value::Number(self))
+    }
+}
+
+/// Field for a shadow method's setting whose value is a number, or `None` if the number follows from the scene.
+impl Field for Option<f64> {
+    fn from_value(value: Value) -> Option<Self> {
+        match value {
+            Value::Number(value) => Some(Some(value)),
+            Value::Choice(_) => Some(None),
+            Value::Whole(_) => None,
+        }
+    }
+
+    fn to_value(self, key: &Key) -> Option<Value> {
+        match (self, key.kind) {
+            (Some(number), _) => Some(Value::Number(number)),
+            (None, Kind::NumberOr { word, .. }) => Some(Value::Choice(word)),
+            (None, _) => None,
+        }
     }
 }
 

@@ -73,6 +73,7 @@ fn a_clipped_homogeneous_medium_has_its_depth() {
         ("avsm:map=256,nodes=16", 0.02),
         ("lightvolume", 0.04),
         ("lightvolume:build=sweep", 0.08),
+        ("sat:scale=1,boxes=256", 0.06),
     ];
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }

@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::scene::{Camera, Skip};
 
-const METHODS: [&str; 22] = [
+const METHODS: [&str; 24] = [
     "none",
     "rays",
     "dsm:map=32",
@@ -26,6 +26,8 @@ const METHODS: [&str; 22] = [
     "wavelet:map=17,rank=6,range=texel,bits=32",
     "beer:map=32",
     "beer:map=17,mean=matter,bits=32,align=on",
+    "sat:scale=1",
+    "sat:scale=2.5,boxes=3,angle=40,filter=nearest,lookup=each",
 ];
 
 /// Asserts sane pictures and transmittances for every shadow method, light and way of skipping.

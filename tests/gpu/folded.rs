@@ -77,7 +77,9 @@ fn marches_by_cells_are_the_same_to_the_last_bit() {
             let Some([whole, small]) = sessions(&volume) else { return };
             let points = points(&volume);
             let light = Light::Directional { toward: DVec3::new(0.4, 0.5, 0.7) };
-            for method in ["rays", "dsm:near=0", "dom:layers=4,near=0", "lightvolume:scale=4"] {
+            for method in
+                ["rays", "dsm:near=0", "dom:layers=4,near=0", "lightvolume:scale=4", "sat:scale=4,near=0"]
+            {
                 let method = shadow::parse(method).unwrap();
                 let [a, b] = [&whole, &small].map(|session| {
                     let map = session.shadow(method.as_ref(), light).unwrap();

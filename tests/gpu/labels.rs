@@ -69,6 +69,7 @@ fn labels_end_half_way_between_voxels() {
         ("avsm:map=256,nodes=16", 0.03),
         ("lightvolume", 0.1),
         ("lightvolume:build=sweep", 0.1),
+        ("sat:scale=1,boxes=256", 0.1),
     ];
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }

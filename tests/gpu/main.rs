@@ -45,6 +45,7 @@ mod pool;
 mod program;
 mod rivals;
 mod samples;
+mod sat;
 #[path = "../common/attack/mod.rs"]
 mod scenes;
 mod shading;

@@ -179,7 +179,7 @@ fn nothing_that_is_left_out_shows() {
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
     let scene = Scene { mesh: ball_and_floor(&volume), ..setup.scene(70, 50) };
-    for method in ["rays", "dsm:map=64", "lightvolume", "none"] {
+    for method in ["rays", "dsm:map=64", "lightvolume", "sat", "none"] {
         let bricks = setup.picture(method, &scene);
         let none = setup.picture(method, &Scene { skip: Skip::None, ..scene.clone() });
         assert!(largest_difference(&bricks, &none) < 2e-4, "{method}");

@@ -90,6 +90,11 @@ const ACCEPTED: &[(&str, &[&str])] = &[
     ("wavelet:rank=1,6,range=texel,bits=32", &["rank=1 range=texel bits=32", "rank=6 range=texel bits=32"]),
     ("beer", &[""]),
     ("beer:mean=matter,bits=16,32,map=64", &["mean=matter", "mean=matter bits=32"]),
+    ("sat", &["scale=2 boxes=16"]),
+    (
+        "sat:scale=1,boxes=8,64,angle=3,filter=nearest",
+        &["scale=1 boxes=8 angle=3 filter=nearest", "scale=1 boxes=64 angle=3 filter=nearest"],
+    ),
     ("lightvolume", &["scale=2 build=gather"]),
     (
         "lightvolume:scale=1,1.5,build=sweep,bits=8,average=depth",
@@ -110,6 +115,11 @@ const REFUSED: &[(&str, &str)] = &[
     ("osm:between=spline", "expected linear|cubic"),
     ("dom:between=cubic", "there is: layers, split"),
     ("lightvolume:filter=pcf", "there is: scale, build"),
+    ("sat:filter=pcf", "expected nearest|bilinear"),
+    ("sat:scale=0.4", "expected 0.5..8"),
+    ("sat:boxes=1", "expected 2..1024"),
+    ("sat:angle=121", "expected light|0..120"),
+    ("sat:map=64", "there is: scale, boxes, angle, filter, near, lookup"),
     (
         "osm:epsilon=0.1",
         "there is: layers, slicing, kernel, between, bits, from, march, step, map, fit, filter, near, average, lookup",

@@ -18,7 +18,7 @@ use wgpu::naga::{self, back::spv, proc::BoundsCheckPolicy};
 /// Card for which Mesa compiles.
 const CARD: &str = "NAVI21";
 /// Methods whose shaders are compiled: every method, and the settings with the largest shaders.
-const METHODS: [&str; 20] = [
+const METHODS: [&str; 21] = [
     "rays",
     "dsm",
     "dsm:march=samples",
@@ -39,6 +39,7 @@ const METHODS: [&str; 20] = [
     "wavelet:rank=4",
     "beer",
     "lightvolume:scale=4",
+    "sat",
 ];
 /// Largest relative difference from the table.
 const TOLERANCE: f64 = 0.1;

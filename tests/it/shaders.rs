@@ -35,7 +35,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
             let few = if most == 512 { 9 } else { 3 };
             (least..least + few).map(|n| n.to_string()).collect()
         }
-        Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => Vec::new(),
+        Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } | Kind::NumberOr { .. } => Vec::new(),
     };
     let keys = entry.keys.iter().filter(|k| is_common(k.when) && !ALONE.contains(&k.name));
     let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());
@@ -44,7 +44,8 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
     let mut specs: Vec<String> = alone.collect();
     if entry.keys.iter().any(|k| k.name == "near") {
-        specs.push(format!("{}:near=0,4,filter=nearest,bilinear,gauss,pcf", entry.name));
+        let filters = entry.keys.iter().find(|k| k.name == "filter").map_or(Vec::new(), |k| values(k.kind));
+        specs.push(format!("{}:near=0,4,filter={}", entry.name, filters.join(",")));
     }
     // One value at a time, since a list has a largest length.
     match keys.pop() {

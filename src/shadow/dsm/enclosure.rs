@@ -16,9 +16,25 @@ use crate::gpu::{Slot, table_texture, uniform_buffer};
 use crate::shadow::bound::Bound;
 use crate::shadow::filter::Filter;
 use crate::shadow::keys::{Align, DrawnFrom, MarchBy};
-use crate::shadow::method::{Enclosure, ShadowMap};
+use crate::shadow::method::{BuildReport, Enclosure, ShadowMap};
 use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
+
+impl BuildReport {
+    /// Adds the time and the memory of an enclosure.
+    pub(super) fn add_enclosure(&mut self, enclosure: &Enclosure) {
+        for map in [&enclosure.lower, &enclosure.upper] {
+            self.device = match (self.device, map.report.device) {
+                (Some(own), Some(more)) => Some(own.plus(more)),
+                (own, more) => own.or(more),
+            };
+            self.enclosure_bytes += map.report.bytes;
+            // The curves are built one after another.
+            self.build_bytes = self.build_bytes.max(map.report.build_bytes);
+            self.pool_growths += map.report.pool_growths;
+        }
+    }
+}
 
 /// Hint for builds that exceed a software adapter's limit on loop iterations.
 const LOOP_LIMIT_HINT: &str = "software adapters limit loops: prisms of a larger map meet fewer voxels";
