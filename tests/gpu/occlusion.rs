@@ -40,7 +40,7 @@ fn matter_of_one_extinction_occludes_by_its_radius() {
         let inside = (-mu * radius_mm).exp();
         // Half of the directions at the surface meet no matter.
         for (t, expected) in found.into_iter().zip([inside, 0.5 + 0.5 * inside]) {
-            assert!((t - expected).abs() < 2e-4, "{radius_mm} mm: {t}, {expected}");
+            assert!((t - expected).abs() < 5e-4, "{radius_mm} mm: {t}, {expected}");
         }
     }
 }
