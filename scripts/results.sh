@@ -78,8 +78,8 @@ soft="rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;dom:map=256,layers=15;
 for light_name in sun sky; do
     size=(--light "sun:0.5,-0.5,0.7071,angle=15")
     [[ $light_name == sun ]] || size=(--light sky)
-    archive "soft-light/thorax-$light_name" compare phantom:thorax:96 --tf ct "${size[@]}" --size 128x128 --step 1 --points 2000 --rays 20 --repeats 3 --methods "$soft"
-    archive "soft-light/engine-$light_name" compare engine.nii.gz --tf ct "${size[@]}" --size 128x128 --step 1 --points 2000 --rays 20 --repeats 3 --methods "$soft"
+    archive "soft-light/thorax-$light_name" compare phantom:thorax:64 --tf ct "${size[@]}" --size 96x96 --step 1 --points 1000 --rays 1 --depths 5 --repeats 1 --methods "$soft"
+    archive "soft-light/engine-$light_name" compare engine.nii.gz --tf ct "${size[@]}" --size 96x96 --step 1 --points 1000 --rays 1 --depths 5 --repeats 1 --methods "$soft"
 done
 
 random="rays;rays:march=samples,step=0.5,1,2,4;rays:estimator=ratio,residual,samples=1,4,16;rays:estimator=jackknife,samples=8,32,128;rays:estimator=unbiased,samples=4,16,64"

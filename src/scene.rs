@@ -239,9 +239,20 @@ impl Scene {
         self.sources_shining().iter().any(LightSource::is_soft)
     }
 
-    /// Whether a light of the scene that is not black is a sky with a map.
-    pub fn has_sky_map(&self) -> bool {
-        self.sources_shining().iter().any(|source| matches!(source.extent, Extent::Map(_)))
+    /// Decides whether errors of transmittance bound the mean error of a picture of the scene.
+    ///
+    /// # Errors
+    /// The reason why they do not.
+    pub fn bounds_mean_error(&self) -> Result<(), &'static str> {
+        if self.occlusion().is_some() {
+            Err("ambient occlusion has errors that shadows do not have")
+        } else if self.sources_shining().iter().any(|source| matches!(source.extent, Extent::Map(_))) {
+            Err("under the map of a sky, transmittance counts by luminance, which bounds no single colour")
+        } else if self.has_soft_light() && self.shading == Shading::Phase {
+            Err("a phase function differs over a light with a size")
+        } else {
+            Ok(())
+        }
     }
 
     /// Ambient occlusion that a picture of the scene has: `None` without ambient light, and with opaque objects, whose

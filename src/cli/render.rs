@@ -138,9 +138,9 @@ impl RenderJob<'_> {
     /// Draws and writes a single picture.
     fn draw_one(&self, session: &mut CachedSession) -> Result<Summary> {
         let Self { args, loaded: Loaded { volume, strands, tf, scene, .. }, .. } = self;
-        if args.error_bound && scene.has_sky_map() {
-            let why = "shadows under the map of a sky have a mean error by luminance, which bounds no single colour";
-            return Err(Error::input("cannot bound error", "--error-bound", why));
+        if args.error_bound {
+            let refuse = |why| Error::input("cannot bound error", "--error-bound", why);
+            scene.bounds_mean_error().map_err(refuse)?;
         }
         let asked = args.error_bound || args.certify.is_some();
         let exact = asked.then(|| exact_field((volume, tf), strands.as_deref(), scene)).transpose()?;

@@ -44,7 +44,8 @@ impl Rotation {
         self == Self::Camera
             || scene.sources_shining().iter().filter(|source| source.extent != Extent::SKY).any(|source| {
                 match (&source.extent, source.light) {
-                    (Extent::Map(_), _) => true,
+                    // A map turns about the z axis alone.
+                    (Extent::Map(_), _) => up.z.abs() > 1e-9 * up.length(),
                     (_, Light::Directional { toward }) => is_off(toward),
                     (_, Light::Point { position }) => is_off(position - target),
                 }

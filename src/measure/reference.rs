@@ -284,8 +284,7 @@ impl<'a> Reference<'a> {
                 [row.flicker_rms, row.flicker_camera_rms] = [light_rms, camera_rms];
             }
             let maps: Vec<&ShadowMap> = shadows.iter().collect();
-            // Transmittances count by luminance, which bounds no single channel under a map.
-            if !job.scene.has_sky_map() {
+            if job.scene.bounds_mean_error().is_ok() {
                 let random = self.random.of(&maps, |map, points| job.session.query(map, points))?;
                 row.image_mean_err_bound = Some(random.bound);
             }

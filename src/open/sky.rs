@@ -1,5 +1,6 @@
 //! Reads the maps of skies that the lights of a scene name.
 
+use super::values::MOST_INTENSITY;
 use crate::error::{Error, Result};
 use crate::scene::{Extent, Light, LightSource, SkyRadiance};
 use glam::DVec3;
@@ -12,14 +13,19 @@ const WHAT: &str = "cannot read sky";
 /// Returns a light source as a scene uses it: a disc faces the centre of the volume, and the map of a sky is read.
 ///
 /// # Errors
-/// The map cannot be read, or is no map of a sky.
+/// The map cannot be read, or is no map of a sky, or is too bright.
 pub(super) fn opened(source: LightSource, center_mm: DVec3) -> Result<LightSource> {
     let mut source = source.facing(center_mm);
     if let Extent::Map(map) = &mut source.extent {
         if map.radiance.is_none() {
             map.radiance = Some(Arc::new(read(Path::new(&map.path))?));
         }
+        let path = map.path.clone();
         source.light = Light::Directional { toward: map.mean_direction() };
+        if source.radiance().into_iter().any(|c| c > MOST_INTENSITY) {
+            let why = format!("its mean radiance times the intensity is above {MOST_INTENSITY:e}");
+            return Err(Error::input(WHAT, path, why));
+        }
     }
     Ok(source)
 }
@@ -72,5 +78,7 @@ mod tests {
         DynamicImage::from(map).to_rgb8().save(at("sky.png")).unwrap();
         assert!(opened("sky.png").unwrap_err().why.contains("neither"));
         assert!(opened("none.hdr").is_err());
+        DynamicImage::from(Rgb32FImage::from_pixel(2, 1, image::Rgb([1e6; 3]))).save(at("sky.exr")).unwrap();
+        assert!(opened("sky.exr").unwrap_err().why.contains("above 1e6"));
     }
 }

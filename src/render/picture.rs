@@ -151,8 +151,10 @@ impl Renderer {
         scene: &'a Scene,
         deferred: &'a DeferredPasses,
     ) -> Result<(Plan, Caster<'a>, f64)> {
+        let start = Instant::now();
         let occlusion = scene.occlusion().map(|occlusion| self.occlusion((loaded, transfer), occlusion));
         let occlusion = occlusion.transpose()?.unwrap_or_default();
+        let occlusion_ms = start.elapsed().as_secs_f64() * 1e3;
         let occluded = occlusion.iter().map(|(map, _)| map);
         let lookups = maps.iter().copied().chain(occluded).filter_map(|map| map.lookup.as_ref());
         for lookup in lookups {
@@ -162,7 +164,7 @@ impl Renderer {
         let start = Instant::now();
         let (plan, tiles) = Plan::of(scene, loaded, transfer, maps, &self.kernels)?;
         let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        let host_ms = occlusion_ms + start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
         let samples: Vec<usize> = maps.iter().map(|map| map.samples()).collect();
         for LightPass { map, radiance } in LightPass::all(scene, &samples, plan.depends_on_light()) {

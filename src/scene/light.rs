@@ -273,11 +273,11 @@ fn uniform(extent: &Extent, light: Light, [area, turns]: [f64; 2]) -> Light {
 }
 
 /// Returns two unit vectors that are orthogonal to a unit vector and to each other (Frisvad 2012, *Building an
-/// Orthonormal Basis from a 3D Unit Vector Without Normalization*). They depend smoothly on it, except at -z.
+/// Orthonormal Basis from a 3D Unit Vector Without Normalization*). They depend smoothly on it, except near -z.
 fn basis(axis: DVec3) -> [DVec3; 2] {
     let DVec3 { x, y, z } = axis;
-    if z <= -1.0 {
-        return [DVec3::NEG_Y, DVec3::NEG_X];
+    if z < -0.999_999 {
+        return axis.any_orthonormal_pair().into();
     }
     let a = 1.0 / (1.0 + z);
     [DVec3::new(1.0 - x * x * a, -x * y * a, -x), DVec3::new(-x * y * a, 1.0 - y * y * a, -y)]

@@ -6,8 +6,8 @@
 //! of an opaque surface differ by half of the range, so that surfaces show the lattice.
 
 use super::lookup::Lookup;
-use super::method::ShadowMap;
-use super::none::{NoShadows, without_map};
+use super::method::{BuildReport, ShadowMap};
+use super::none::test_space;
 use crate::error::Result;
 use crate::field::{BuildContext, March, field_shader, grid_from_world};
 use crate::gpu::{Slot, StorageBuffer};
@@ -36,16 +36,26 @@ pub fn ambient_occlusion(
     let to_grid = grid_from_world(context.volume);
     let per_mm = |toward: DVec3| to_grid.transform_vector3(toward).extend(radius_mm).as_vec4().to_array();
     let rays: Vec<[f32; 4]> = occlusion.directions().into_iter().map(per_mm).collect();
+    let light_space = test_space(context, March::Cells);
+    let light = context.light_uniform(&light_space);
     let map_of = |pass: usize| {
         // Neighbouring directions are in different passes.
         let rays: Vec<[f32; 4]> = rays.iter().skip(pass).step_by(passes).copied().collect();
         let share = rays.len() as f64 / f64::from(samples);
         let rays = StorageBuffer::from_slice(context.gpu(), "ambient occlusion", rays.as_flattened())?;
-        let map = without_map(&NoShadows, context, March::Cells);
-        let light = context.light_uniform(&map.light_space);
         let slots = [(0, context.kernels.uniform(&light)), (1, Slot::read(rays.as_entire_binding()))];
         let group = context.kernels.group("ambient occlusion", &slots);
-        Ok((ShadowMap { group, lookup: Some(occlusion_lookup()), ..map }, share))
+        let map = ShadowMap {
+            method: "ambient occlusion",
+            group,
+            lookup: Some(occlusion_lookup()),
+            light_space: light_space.clone(),
+            report: BuildReport::default(),
+            bound: None,
+            enclosure: None,
+            _pool: None,
+        };
+        Ok((map, share))
     };
     (0..passes).map(map_of).collect()
 }

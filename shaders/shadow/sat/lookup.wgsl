@@ -118,6 +118,17 @@ fn cone_to_light(p: vec3<f32>, direction: vec3<f32>, distance_mm: f32) -> Cone {
     return Cone(axis, q, d, cells, rise, max(size.x, max(size.y, max(size.z, 1e-20))), widening);
 }
 
+// Returns half the widths of a cuboid across the main axis. Sums of more than `most_cells` cells of the table could exceed
+// 32 bits: such a cuboid is cut on its sides.
+fn cut_half_width(half_width: vec2<f32>, counts: vec3<i32>, thickness: f32) -> vec2<f32> {
+    let inside = min(2.0 * half_width, vec2<f32>(counts.xy));
+    let most = table.most_cells / thickness;
+    let even = max(inside * sqrt(most / (inside.x * inside.y)), vec2<f32>(1.0));
+    // A side of one cell leaves all the cut to the other.
+    let cut = max(min(even, most / even.yx), vec2<f32>(1.0));
+    return select(half_width, 0.5 * cut, vec2<bool>(inside.x * inside.y > most));
+}
+
 // Returns the optical depth of the cone between two coordinates along its main axis, in the sense towards the light.
 fn stretch_depth(cone: Cone, start: f32, end: f32) -> f32 {
     let near_mm = (start - cone.rise) / cone.speed;
@@ -127,13 +138,11 @@ fn stretch_depth(cone: Cone, start: f32, end: f32) -> f32 {
     let last = max(ceil(end), first + 1.0);
     // The cuboid contains the cone, and is at least one cell wide.
     var half_width = max(0.5 * length_mm * abs(cone.d.xy) + (middle_mm + light.near_mm) * cone.widening, vec2<f32>(0.5));
-    // Sums of more cells could exceed 32 bits: such a cuboid is cut on all sides.
-    let cells = 4.0 * half_width.x * half_width.y * (last - first);
-    half_width = max(half_width * min(1.0, sqrt(table.most_cells / cells)), vec2<f32>(0.5));
+    let counts = vec3<i32>(turned_counts(cone.axis));
+    half_width = cut_half_width(half_width, counts, last - first);
     let up = cone.d.z > 0.0;
     let bottom = select(cone.cells - last, first, up);
     let top = select(cone.cells - first, last, up);
-    let counts = vec3<i32>(turned_counts(cone.axis));
     let slab = Slab(counts, turned_strides(cone.axis), i32(bottom), i32(top));
     let sum = cuboid_sum(slab, cone.p.xy + middle_mm * cone.d.xy, half_width);
     let mean = sum * table.extinction_step / (4.0 * half_width.x * half_width.y * (last - first));

@@ -23,6 +23,10 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
             Light::Directional { toward } => toward,
             Light::Point { position } => position - center,
         };
+        // The map of a sky turns by its own setting.
+        if matches!(extent, Extent::Map(_)) {
+            ui.disable();
+        }
         ui.vertical(|ui| {
             if let Some(dragged) = sphere(ui, &camera, toward) {
                 *light = match *light {

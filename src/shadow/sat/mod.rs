@@ -22,7 +22,7 @@
 //! * With `angle=light`, one map answers for a whole light with a size. The cone widens to the angle of a sun, or to the
 //!   radius of a disc at its distance. Lights wider than 120 degrees are sampled.
 //! * The last voxels before a point are marched, as before queries of shadow maps (`near`).
-//! * A cuboid has at most 2^20 cells; a larger one is cut on its sides.
+//! * A cuboid has at most 2^20 cells of the table; a larger one is cut on its sides.
 
 use super::keys::{LOOKUP_KEY, Lookups, NEAR_KEY, settings};
 use super::lookup::Lookup;
