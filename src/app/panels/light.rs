@@ -71,10 +71,10 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         ui.label("Ambient").on_hover_text("Fraction of the light without shadows, 0 to 1");
         ui.add(egui::Slider::new(&mut document.scene.ambient, 0.0..=1.0).max_decimals(3))
             .accessible_name("ambient");
-        if document.scene.mesh.is_none() {
-            occlusion(ui, &mut document.scene.ambient_occlusion, radius);
-        }
     });
+    if document.scene.mesh.is_none() {
+        occlusion(ui, &mut document.scene.ambient_occlusion, radius);
+    }
     ui.horizontal_wrapped(|ui| {
         let help =
             "From the gradient, from the direction of strands (kajiya-kay), or by a phase function (phase)";
@@ -126,10 +126,12 @@ fn size(ui: &mut egui::Ui, document: &mut Document, center_mm: DVec3) {
 fn occlusion(ui: &mut egui::Ui, occlusion: &mut Option<AmbientOcclusion>, extent_mm: f64) {
     let mut radius_mm = occlusion.map_or(0.0, |occlusion| occlusion.radius_mm);
     let drag = egui::DragValue::new(&mut radius_mm).speed(0.002 * extent_mm).max_decimals(2).suffix(" mm");
-    let response = ui.add(drag.prefix("occlusion ").range(0.0..=1e6)).on_hover_text(
-        "Ambient occlusion: matter within this distance of a point occludes ambient light; 0: none does",
-    );
-    if response.accessible_name("ambient occlusion").changed() {
+    let help = "Matter within this distance of a point occludes ambient light; 0: none does";
+    let response = ui.horizontal(|ui| {
+        ui.label("Occlusion within").on_hover_text(help);
+        ui.add(drag.range(0.0..=1e6)).on_hover_text(help).accessible_name("ambient occlusion")
+    });
+    if response.inner.changed() {
         let samples = occlusion.map_or(AmbientOcclusion::DEFAULT_SAMPLES, |occlusion| occlusion.samples);
         *occlusion = (radius_mm > 0.0).then_some(AmbientOcclusion { radius_mm, samples });
     }
