@@ -190,7 +190,7 @@ impl PyScene {
         if method == Some("exact") {
             let found = self.done(py, |cancellation| {
                 let (inputs, scene) = self.state.exact(&request, cancellation)?;
-                let (field, source) = (inputs.field(), scene.lights.first().copied().unwrap_or_default());
+                let (field, source) = (inputs.field(), scene.lights.first().cloned().unwrap_or_default());
                 in_pieces(&points, cancellation, |p| field.transmittance_from(*p, &source).value)
             })?;
             return Ok(shaped(py, found, shape)?);

@@ -75,6 +75,13 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     if document.scene.mesh.is_none() {
         occlusion(ui, &mut document.scene.ambient_occlusion, radius);
     }
+    shading(ui, document);
+    size(ui, document, center);
+    ui.weak("Shift-drag in the view moves the edited light");
+}
+
+/// Shows the shading models and, for a phase function, its mean cosine.
+fn shading(ui: &mut egui::Ui, document: &mut Document) {
     ui.horizontal_wrapped(|ui| {
         let help =
             "From the gradient, from the direction of strands (kajiya-kay), or by a phase function (phase)";
@@ -93,8 +100,6 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 .accessible_name("mean cosine");
         }
     });
-    size(ui, document, center);
-    ui.weak("Shift-drag in the view moves the edited light");
 }
 
 /// Shows the size of the edited light: the radius of a disc at a point, or the angular diameter of a light at infinity.
