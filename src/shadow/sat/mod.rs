@@ -57,7 +57,7 @@ settings! {
         boxes: u32 = Key::whole([2, 1024], "16", "cuboids between a point and the light").in_label().search(&["4", "8", "16", "32", "64"]),
         /// Opening angle of the cone from a point to the light, degrees; 0 for a beam one cell wide. `None`: the cone that
         /// contains the light.
-        angle: Option<f64> = Key::number_or([0.0, MOST_ANGLE_DEG], "light", "light", "opening angle of the cone to the light, degrees; 0: a beam one cell wide; light: the light's own size"),
+        angle: Option<f64> = Key::number_or([0.0, MOST_ANGLE_DEG], "light", "light", "opening angle of the cone to the light, degrees; 0: a beam one cell wide; light: the size of the light"),
         /// Sides of the cuboids across the light ray: at the faces of cells, or anywhere.
         filter: TableFilter = Key::choice(TableFilter::NAMES, "bilinear", "sides of cuboids across the light: nearest faces of cells (8 reads), or between them (32 reads)").search_all(),
         /// Length of the march from a point towards the light before a query of the table, in smallest voxel spacings; 0

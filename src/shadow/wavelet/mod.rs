@@ -17,8 +17,8 @@
 //! means of extinction are not negative. Rounding to 16 bits breaks this: transmittance may then rise, by less than
 //! 0.01.
 //!
-//! The same curves follow from as many evenly spaced planes of `osm:average=depth`. The wavelets differ in what is
-//! stored and read.
+//! In exact arithmetic, `osm:average=depth` has the same curves with as many evenly spaced planes. It stores optical
+//! depths instead of coefficients, and reads two of them for a query.
 //!
 //! Deviations from the paper, as far as it was read, and why:
 //! * A segment of the light ray has a length: its matter is spread over it. Segments that contain an end of an interval
