@@ -33,7 +33,7 @@ const WHITE: Rgb = [255; 3];
 const GREY: Rgb = [187; 3];
 const GRID: Rgb = [68; 3];
 /// Methods with their colours, distinct on black.
-const METHODS: [(&str, Rgb); 14] = [
+const METHODS: [(&str, Rgb); 15] = [
     ("none", WHITE),
     ("rays", [228, 140, 191]),
     ("dsm", [90, 180, 240]),
@@ -48,6 +48,7 @@ const METHODS: [(&str, Rgb); 14] = [
     ("beer", [136, 204, 238]),
     ("lightvolume", [111, 207, 128]),
     ("sat", [221, 204, 119]),
+    ("halfangle", [170, 68, 153]),
 ];
 /// Smallest error in the plot; the error of `rays` is far smaller and is printed as text.
 const LEAST_ERROR: f64 = 1e-3;

@@ -1,6 +1,9 @@
 // Computes the transmittance from the light at a list of points, with the same code as pictures.
 
 #import umbravox::shadow::transmittance
+#ifdef SECTIONS
+#import umbravox::section::section_contains
+#endif
 
 @group(2) @binding(0) var<storage, read> points: array<vec4<f32>>;
 @group(2) @binding(1) var<storage, read_write> results: array<f32>;
@@ -9,5 +12,9 @@
 fn query(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = id.y * groups.x * #{LINE_THREADS} + id.x;
     if i >= arrayLength(&results) { return; }
+#ifdef SECTIONS
+    // Another dispatch answers for points in other sections.
+    if !section_contains(points[i].xyz) { return; }
+#endif
     results[i] = transmittance(points[i].xyz);
 }

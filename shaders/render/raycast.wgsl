@@ -5,7 +5,8 @@
 // segment has its own. Without shadows every segment is lit at once. Expensive code stands in the program once, and
 // lanes of a subgroup wait for each other only there.
 //
-// A picture of several lights sums one pass for each (LIGHT_FACTOR). The first pass adds ambient and background.
+// A picture of several lights sums one pass for each (LIGHT_FACTOR). The first pass adds ambient and background. With
+// SECTIONS a dispatch draws the matter of one section of the volume (`umbravox::section_ray`).
 //
 // The shadow method, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32
@@ -18,6 +19,11 @@
 #import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, is_searching, SURFACE_SEARCH, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #ifdef RESUMABLE
 #import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
+#endif
+#ifdef SECTIONS
+#import umbravox::section::section
+#import umbravox::section_ray::{enter_section, start_in_section, keep_to_section, with_matter_behind}
+#import umbravox::resumption::resumption
 #endif
 #import umbravox::labels::CUTS_BY_LABEL
 #import umbravox::between_samples::{crosses_surface, find_surface}
@@ -267,7 +273,11 @@ fn accumulate_interval(
     loop {
         steps += 1u;
         if !(*interval).complete {
+            let is_new = !(*march).hit;
             advance(march, ray);
+#ifdef SECTIONS
+            if is_new { keep_to_section(march, ray); }
+#endif
             // A light interval ends where the extinction or the ray ends.
             (*interval).complete = (*interval).segments > 0u && (!(*march).hit || (*march).segment_start != (*interval).end);
             if (*march).hit && !(*interval).complete { accumulate_segment(interval, color, march, left, ray); }
@@ -340,6 +350,21 @@ fn raycast(
 #ifdef LIGHT_FACTOR
     if frame.adds == 1u { color = picture[index].rgb; }
 #endif
+#ifdef SECTIONS
+    // Light of earlier passes, and colour and transmittance of the sections before.
+    let drawn = color;
+    let others = resumption.resume[index];
+    color = vec3<f32>(0.0);
+    enter_section(ray);
+    start_in_section(&march, ray);
+#ifndef TOWARDS_EYE
+    if others.x != -FAR {
+        color = others.rgb;
+        left = others.a;
+        march.marching = march.marching && left >= EYE_OVER;
+    }
+#endif
+#endif
 #ifdef RESUMABLE
     let resume = resumption.resume[index];
     if resume.x == FAR { return; }
@@ -406,5 +431,14 @@ fn raycast(
     }
     resumption.resume[index] = vec4<f32>(FAR);
 #endif
+#ifdef SECTIONS
+    var total = vec4<f32>(color, left);
+#ifdef TOWARDS_EYE
+    total = with_matter_behind(total, others);
+#endif
+    resumption.resume[index] = total;
+    if section.is_last == 1u { picture[index] = vec4<f32>(drawn + total.rgb + total.a * frame.background, 1.0 - total.a); }
+#else
     picture[index] = vec4<f32>(color + left * frame.background, 1.0 - left);
+#endif
 }

@@ -173,10 +173,14 @@ pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
 /// Returns methods whose shadow maps are valid in all views, since the camera of a page moves. Each is returned once.
 ///
 /// # Errors
-/// A setting of a method excludes `fit=volume`.
+/// A setting of a method excludes `fit=volume`, or a method draws section by section.
 pub fn page_methods(methods: Vec<Box<dyn Method>>) -> Result<Vec<Box<dyn Method>>> {
     let mut distinct: Vec<Box<dyn Method>> = Vec::new();
     for method in methods {
+        if method.lookup().is_some_and(|lookup| lookup.has_sections()) {
+            let why = "it has no map: its light buffers are advanced while the picture is drawn";
+            return Err(Error::input("cannot write page", method.name(), why));
+        }
         let method = method.spec().with("fit", "volume").map_or(Ok(method), |spec| spec.method())?;
         if distinct.iter().all(|known| known.spec() != method.spec()) {
             distinct.push(method);

@@ -121,10 +121,11 @@ impl CachedMap {
             return covers;
         }
         let (space, volume, active) = (&self.map.light_space, &source.loaded.volume, &source.transfer.active);
-        let covers = match reuse {
-            ReusePolicy::Covering => space.serves(volume, active, self.light.light, view.as_ref()),
-            ReusePolicy::Exact => space.is_fitted_to(volume, active, self.light.light, view.as_ref()),
-        };
+        let covers = self.map.serves_sections(view.as_ref())
+            && match reuse {
+                ReusePolicy::Covering => space.serves(volume, active, self.light.light, view.as_ref()),
+                ReusePolicy::Exact => space.is_fitted_to(volume, active, self.light.light, view.as_ref()),
+            };
         self.tested.set(Some((view, covers)));
         covers
     }

@@ -2,7 +2,7 @@
 //! their texels.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
-use super::shader::LINES_BINDING;
+use super::shader::{LINES_BINDING, shape_of};
 use super::strand_lines::line_words;
 use super::{BuildContext, LightSpace, MapShape, March, Optimization, TileList, TileSet};
 use crate::error::{Error, Result};
@@ -137,6 +137,14 @@ impl<'a> TileMarch<'a> {
         let count = tiles.len() as u32;
         let list = TileList { entries: &list, count, workgroups: self.workgroups_a_tile() };
         self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
+    }
+
+    /// Returns bind group 2 and the dispatch size of a pass over all tiles that are built, for a submission with other
+    /// passes. `stage` holds the shadow method's bindings of that group.
+    pub fn pass(&self, label: &str, stage: &[(u32, Slot<'_>)]) -> (Group, [u32; 3]) {
+        let list = (0, Slot::read(self.list.as_entire_binding()));
+        let group = self.context.kernels.group(label, &[&[list][..], stage].concat());
+        (group, shape_of(self.built * self.workgroups_a_tile()))
     }
 
     fn workgroups_a_tile(&self) -> u32 {

@@ -29,6 +29,11 @@ impl View {
         scene.mesh.is_none().then(|| Self::of(scene))
     }
 
+    /// Whether this view contains another one with the same camera.
+    pub fn holds(&self, other: &Self) -> bool {
+        self.camera == other.camera && self.aspect >= other.aspect
+    }
+
     /// Widens this camera view so that it also contains the picture of another scene with the same camera.
     #[must_use]
     pub fn holding(self, other: &Scene) -> Self {
@@ -58,6 +63,15 @@ impl View {
         let m = world_from.matrix3.transpose();
         let from_eye = world_from.translation - self.camera.eye;
         Frustum(outwards.map(|n| (m * n, n.dot(from_eye))))
+    }
+
+    /// Returns unit vectors along eye rays: the view direction, and the rays through the corners of the picture.
+    pub fn ray_directions(&self) -> Vec<DVec3> {
+        let frame = self.camera.frame();
+        let up = (1.0 + self.margin) * (0.5 * self.camera.fov_deg.to_radians()).tan();
+        let corner = |x: f64, y: f64| frame.forward + up * (x * self.aspect * frame.right + y * frame.up);
+        let corners = [(0.0, 0.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        corners.map(|(x, y)| corner(x, y).normalize()).to_vec()
     }
 
     /// Returns the unit vector of the view direction.

@@ -11,6 +11,7 @@ mod lights;
 mod mesh;
 mod output;
 mod pace;
+mod pass;
 mod picture;
 mod plan;
 mod portable;

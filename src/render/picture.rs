@@ -5,15 +5,16 @@ use super::frame_uniform::{FrameUniform, frame_uniform};
 use super::lights::{LightMaps, LightPass};
 use super::output::{Band, Output, OutputPass, ToHost};
 use super::pace::{AtOnce, Pace, Pacing};
+use super::pass::{Pass, each_section, section_groups, section_passes};
 use super::plan::PictureTiles;
 use super::shader::{PICTURE_SIDE, background_shader};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeferredPasses, DeviceDirections, DeviceTransfer, FAR, LoadedVolume, shape_of};
 use crate::gpu::tuning::BLOCK_SIDE;
-use crate::gpu::{DevicePass, Gpu, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, uniform_buffer};
+use crate::gpu::{DevicePass, Gpu, Group, Read, Slot, Span, StorageBuffer, uniform_buffer};
 use crate::scene::{LightSource, Scene};
-use crate::shadow::ShadowMap;
+use crate::shadow::{SECTION_BINDING, Section, ShadowMap};
 use ndarray::Array3;
 use std::cell::Cell;
 use std::time::Instant;
@@ -120,6 +121,9 @@ impl Renderer {
         let mut first_row = 0;
         while first_row < height {
             let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
+            // Each part of a picture would need a sweep of its own.
+            let pixels =
+                if caster.passes.iter().any(|pass| pass.sections.is_some()) { u32::MAX } else { pixels };
             let rows = pixels_to_rows(pixels, width).min(highest).min(height - first_row);
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
@@ -172,19 +176,15 @@ impl Renderer {
             let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
             let shader = transfer.prepared(self.gpu(), shader)?;
             let group = shadow.group.clone();
-            passes.push(Pass {
-                group,
-                radiance,
-                is_ambient: false,
-                shader,
-                resumable: plan.resumable(shadow),
-            });
+            let (resumable, sections) = (plan.resumable(shadow), plan.sections(shadow, scene)?);
+            passes.push(Pass { group, radiance, is_ambient: false, shader, resumable, sections });
         }
         for (map, share) in occlusion {
             let shader =
                 transfer.prepared(self.gpu(), plan.occlusion_shader(transfer, &map, device_tiles))?;
             let radiance = Some([scene.ambient * share; 3]);
-            passes.push(Pass { group: map.group, radiance, is_ambient: true, shader, resumable: true });
+            let group = map.group;
+            passes.push(Pass { group, radiance, is_ambient: true, shader, resumable: true, sections: None });
         }
         let mesh =
             scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
@@ -195,12 +195,13 @@ impl Renderer {
     }
 
     /// Creates bind group 2 of the passes that cast eye rays: frame uniform, band of the picture, progress of its rays,
-    /// tiles, and directions of strands.
+    /// tiles, directions of strands, and the section of the volume that a pass draws.
     pub(super) fn stage(
         &self,
         caster: &Caster<'_>,
         frame: &wgpu::Buffer,
         others: [&wgpu::Buffer; 3],
+        section: Option<&Section>,
     ) -> Group {
         let [picture, progress, tiles] = others.map(wgpu::Buffer::as_entire_binding);
         let stage = [
@@ -210,7 +211,10 @@ impl Renderer {
             (3, Slot::read(tiles)),
         ];
         let strands = caster.directions.map(DeviceDirections::slots).into_iter().flatten();
-        self.kernels.group("frame", &stage.into_iter().chain((4..).zip(strands)).collect::<Vec<_>>())
+        let section =
+            section.map(|section| (SECTION_BINDING, Slot::read(section.planes.as_entire_binding())));
+        let slots = stage.into_iter().chain((4..).zip(strands)).chain(section);
+        self.kernels.group("frame", &slots.collect::<Vec<_>>())
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
@@ -225,7 +229,7 @@ impl Renderer {
     ) -> Result<bool> {
         let width = caster.scene.width;
         // Number of unfinished pixels and padding, then the progress of each pixel: sample, light there, last two values.
-        let resumable = caster.passes.iter().any(|pass| pass.resumable);
+        let resumable = caster.passes.iter().any(|pass| pass.resumable || pass.sections.is_some());
         let pixels_here = if resumable { rows as usize * width as usize } else { 1 };
         let mut start = vec![f32::from_bits(0); 4];
         start.resize(4 * pixels_here + 4, NOT_STARTED);
@@ -250,13 +254,16 @@ impl Renderer {
                     ..caster.frame_uniform(i)
                 };
                 let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
-                let stage = self.stage(caster, &uniform, [buffer, &progress, &tiles.buffer]);
+                let buffers = [buffer, &progress, &tiles.buffer];
+                let stages: Vec<_> = each_section(pass.sections)
+                    .map(|section| self.stage(caster, &uniform, buffers, section))
+                    .collect();
                 // The first pass draws the background.
                 let left_out = if i == 0 { tiles.left_out } else { 0 };
                 let is_last = i + 1 == caster.passes.len() && first_column + columns >= width;
                 let after = after.filter(|_| is_last);
                 let took =
-                    self.cast_part(caster, pass, (&stage, &progress), [left_out, tiles.cast], after)?;
+                    self.cast_part(caster, pass, (&stages, &progress), [left_out, tiles.cast], after)?;
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
             if let Some(took) = part {
@@ -268,32 +275,32 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `tiles`
-    /// holds the number of picture tiles without eye rays, and the number of those with eye rays. `after` runs at the
-    /// end of each submission.
+    /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `stages` are
+    /// the groups 2 of the sections of the volume, or of the whole volume. `tiles` holds the number of picture tiles
+    /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
         pass: &Pass,
-        (stage, progress): (&Group, &wgpu::Buffer),
+        (stages, progress): (&[Group], &wgpu::Buffer),
         tiles: [u32; 2],
         after: Option<&OutputPass>,
     ) -> Result<Span> {
-        let groups = [caster.transfer.group(), &pass.group, stage];
-        let groups: Vec<_> = groups.into_iter().chain(&caster.mesh).collect();
+        let shared = [caster.transfer.group(), &pass.group];
+        let groups = section_groups(pass.sections, shared, stages, caster.mesh.as_ref());
         let mut part: Option<Span> = None;
         let background = background_shader(matches!(caster.tiles, PictureTiles::OnDevice(_)));
         let [left_out, cast] = tiles.map(workgroups);
-        let mut fill = DevicePass { variant: &background, groups: &groups, workgroups: left_out };
-        let rays = DevicePass { variant: &pass.shader, groups: &groups, workgroups: cast };
+        let rays = section_passes(&groups, &pass.shader, cast);
+        let mut fill = DevicePass { variant: &background, groups: &groups[0].groups, workgroups: left_out };
         let after_groups = after.map(|after| [caster.transfer.group(), &pass.group, &after.stage]);
         let after = after.zip(after_groups.as_ref()).map(|(after, groups)| DevicePass {
             variant: &after.shader,
             groups,
             workgroups: after.workgroups,
         });
-        let cast = |passes: &[DevicePass<'_>], reads: &[Read<'_>]| {
-            let passes = [passes, after.as_slice()].concat();
+        let cast = |first: &[DevicePass<'_>], reads: &[Read<'_>]| {
+            let passes = [first, &rays, after.as_slice()].concat();
             let recorded = self.kernels.record("ray cast", &passes, reads)?;
             caster.deferred.submit_with(&self.kernels, recorded)
         };
@@ -304,12 +311,12 @@ impl Renderer {
                 // The first submission also finds the tiles.
                 PictureTiles::OnDevice(tiles) if caster.counts.get().is_none() => {
                     reads.push(tiles.read());
-                    let ran = tiles.with_pass(|project| cast(&[project, fill, rays], &reads))?;
+                    let ran = tiles.with_pass(|project| cast(&[project, fill], &reads))?;
                     let head = ran.1.last().map_or(&[][..], |words| words);
                     caster.counts.set(Some(tiles.counts(head)));
                     ran
                 }
-                _ => cast(&[fill, rays], &reads)?,
+                _ => cast(&[fill], &reads)?,
             };
             // Later dispatches only continue rays.
             fill.workgroups = [0; 3];
@@ -333,7 +340,7 @@ pub(super) struct Caster<'a> {
     pub tiles: PictureTiles,
     /// Number of all tiles of the picture and of empty ones, once the device has found them.
     counts: Cell<Option<[usize; 2]>>,
-    pub passes: Vec<Pass>,
+    pub passes: Vec<Pass<'a>>,
     /// Bind group 3 with the triangles of the scene's mesh, if there is one.
     pub mesh: Option<Group>,
     /// Directions of the strands (hair or fibres) on the device, if the shading reads them.
@@ -381,17 +388,6 @@ impl Caster<'_> {
             _ => FrameUniform { ambient: 0.0, background: [0.0; 3], adds: 1, ..frame },
         }
     }
-}
-
-/// Rendering pass over a picture that adds one light, or several at once, with its shader and shadow map.
-pub(super) struct Pass {
-    /// Bind group 1: the light space and the shadow map.
-    pub group: Group,
-    radiance: Option<[f64; 3]>,
-    /// Whether the pass adds occluded ambient light.
-    is_ambient: bool,
-    pub shader: ShaderVariant,
-    pub resumable: bool,
 }
 
 /// Smallest width of the part of a picture that one submission draws, in pixels. Narrower parts would spend too much

@@ -5,11 +5,11 @@ use super::device_tiles::DeviceTiles;
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
 use super::shader::{CONSTANTS, DEVICE_TILES};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Optimization, View, field_shader};
 use crate::gpu::{Kernels, ShaderVariant};
 use crate::scene::{LightSource, Scene, Shading, Skip};
-use crate::shadow::{Lookup, ShadowMap, occlusion_lookup};
+use crate::shadow::{Lookup, Sections, ShadowMap, TOWARDS_EYE, occlusion_lookup};
 use crate::transfer::{PAIR_BINS, TABLE_BINS};
 use crate::volume::Volume;
 use glam::DVec3;
@@ -216,6 +216,23 @@ impl Plan {
         self.shadows && shadow.lookup.as_ref().is_some_and(|lookup| self.mesh || lookup.marches())
     }
 
+    /// Returns the sections of the volume that a rendering pass draws one after the other.
+    ///
+    /// # Errors
+    /// The sections were made for another view, or for points only.
+    pub(super) fn sections<'a>(&self, shadow: &'a ShadowMap, scene: &Scene) -> Result<Option<&'a Sections>> {
+        let Some(sections) = shadow.sections.as_ref().filter(|_| self.shadows) else { return Ok(None) };
+        if sections.serves(View::of_shadows(scene).as_ref()) && !self.mesh {
+            return Ok(Some(sections));
+        }
+        let why = if self.mesh {
+            "scenes with surfaces have no slices"
+        } else {
+            "its slices are those of another view"
+        };
+        Err(Error::input("cannot draw", shadow.method, why))
+    }
+
     /// Returns the shader that casts the eye rays of a picture under this plan.
     pub(super) fn raycast_shader(
         &self,
@@ -342,6 +359,7 @@ fn raycast_shader(
         || field_shader(entry),
         |l| l.within(entry).defs(["SHADOWS"]).defs(l.marches().then_some("RESUMABLE")),
     );
+    let in_sections = lookup.filter(|lookup| lookup.has_sections()).map(|_| "render/section_ray.wgsl");
     shader
         .modules(&[
             "render/tile_depths.wgsl",
@@ -353,6 +371,7 @@ fn raycast_shader(
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_ray_march(skip_bricks)
+        .modules(in_sections.as_slice())
         .modules(&["render/between_samples.wgsl"])
         .defs(["SURFACES"])
         .defs(one_color.then_some("ONE_COLOR"))
@@ -380,9 +399,16 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
         list.push(raycast_shader(lookup, shading, true, true, false).defs([DEVICE_TILES]));
         // A factor on the light depends neither on bricks nor on colours in tables.
         list.push(raycast_shader(lookup, shading, true, false, true));
+        let has_sections = lookup.is_some_and(Lookup::has_sections);
         // A mesh surface does not depend on bricks and colours in tables either.
         for light_factor in [false, true] {
             let shader = raycast_shader(lookup, shading, true, false, light_factor);
+            if has_sections {
+                list.extend(
+                    [shader.clone().defs([DEVICE_TILES]), shader].map(|shader| shader.defs([TOWARDS_EYE])),
+                );
+                continue;
+            }
             list.push(with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));
         }
     }

@@ -107,7 +107,7 @@ impl Renderer {
             background: background_shader(true),
             passes: passes.collect(),
             field: transfer.group().clone(),
-            stage: self.stage(&caster, &frame, [&other; 3]),
+            stage: self.stage(&caster, &frame, [&other; 3], None),
             mesh: caster.mesh.clone(),
         })
     }

@@ -1,11 +1,12 @@
 //! Queries a shadow map for the transmittance from the light at points, by the same shader code as pictures.
 
 use super::Renderer;
+use super::pass::{each_section, section_groups, section_passes};
 use super::shader::CONSTANTS;
 use crate::error::Result;
 use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups, marches_samples};
-use crate::gpu::{DevicePass, Read, ShaderVariant, Slot, StorageBuffer};
-use crate::shadow::{Lookup, ShadowMap};
+use crate::gpu::{Group, Read, ShaderVariant, Slot, StorageBuffer};
+use crate::shadow::{Lookup, SECTION_BINDING, Section, ShadowMap};
 use glam::DVec3;
 
 pub(super) fn shader(lookup: &Lookup) -> ShaderVariant {
@@ -48,11 +49,21 @@ impl Renderer {
             });
             let stage =
                 [(0, Slot::read(points.as_entire_binding())), (1, Slot::read_write(results_of_chunk))];
-            let groups = [transfer.group(), &shadow.group, &self.kernels.group("query", &stage)];
+            let group = |more: &[(u32, Slot<'_>)]| self.kernels.group("query", &[&stage[..], more].concat());
             let workgroups = line_of_workgroups(chunk.len());
-            let pass = DevicePass { variant: &shader, groups: &groups, workgroups };
             let read = Read { buffer: &values, words: chunk.len() };
-            let (_, words) = self.kernels.run("query", &[pass], &[read])?;
+            let sections = shadow.sections.as_ref();
+            let stage = |section: Option<&Section>| {
+                group(
+                    section
+                        .map(|section| (SECTION_BINDING, Slot::read(section.planes.as_entire_binding())))
+                        .as_slice(),
+                )
+            };
+            let stages: Vec<Group> = each_section(sections).map(stage).collect();
+            let groups = section_groups(sections, [transfer.group(), &shadow.group], &stages, None);
+            let passes = section_passes(&groups, &shader, workgroups);
+            let (_, words) = self.kernels.run("query", &passes, &[read])?;
             results.extend(words.into_iter().flatten().map(f32::from_bits));
         }
         Ok(results)

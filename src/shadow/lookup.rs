@@ -2,6 +2,7 @@
 
 use super::filter::{Filter, GAUSS_SIGMA};
 use super::keys::{Align, Lookups};
+use super::sections::SECTIONS;
 use crate::field::{LightSpace, marches_cells, marches_samples};
 use crate::gpu::{Constant, ShaderVariant};
 
@@ -61,6 +62,17 @@ impl Lookup {
     /// Whether each sample of a camera ray has a transmittance query of its own.
     pub fn answers_each_sample(&self) -> bool {
         self.shader.defs.contains(&"LOOKUP_EACH")
+    }
+
+    /// Makes a query answer for one section of the volume at a time.
+    #[must_use]
+    pub(super) fn in_sections(self) -> Self {
+        self.defs([SECTIONS])
+    }
+
+    /// Whether a query answers for one section of the volume at a time ([`Sections`](super::sections::Sections)).
+    pub fn has_sections(&self) -> bool {
+        self.shader.defs.contains(&SECTIONS)
     }
 
     /// Returns the shader with the given entry file, together with the code of the transmittance query.

@@ -6,6 +6,7 @@ use super::filter::Taps;
 use super::keys::{ESTIMATOR, FROM, MAP, MARCH, NEAR, SEED};
 use super::lookup::Lookup;
 use super::published::Published;
+use super::sections::Sections;
 use super::settings::{Key, Value, When, applies};
 use super::style::Style;
 use crate::error::{Error, Result};
@@ -330,6 +331,8 @@ pub struct ShadowMap {
     pub bound: Option<Bound>,
     /// Bounds on the exact transmittance at every point; `None` if the method stores none.
     pub enclosure: Option<Enclosure>,
+    /// Sections of the volume for which it answers one after the other; `None` if it answers for all points.
+    pub(crate) sections: Option<Sections>,
     /// Texture of curve nodes, which later builds do not reuse as long as this map exists; `None` for methods without.
     pub(crate) _pool: Option<Arc<NodePool>>,
 }

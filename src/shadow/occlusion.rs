@@ -53,6 +53,7 @@ pub fn ambient_occlusion(
             report: BuildReport::default(),
             bound: None,
             enclosure: None,
+            sections: None,
             _pool: None,
         };
         Ok((map, share))

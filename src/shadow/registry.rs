@@ -6,7 +6,8 @@ use super::keys::MAP;
 use super::method::{Entry, Method, MethodSpec};
 use super::settings::{Value, When};
 use super::{
-    avsm, beer, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays, sat, wavelet,
+    avsm, beer, bom, clusters, dom, dsm, fourier, halfangle, lightvolume, moments, none, osm, rays, sat,
+    wavelet,
 };
 use crate::error::{Error, Result};
 use std::collections::HashSet;
@@ -35,6 +36,7 @@ pub const METHODS: &[&Entry] = &[
     &beer::ENTRY,
     &lightvolume::ENTRY,
     &sat::ENTRY,
+    &halfangle::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,
 ];

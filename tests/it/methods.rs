@@ -95,6 +95,11 @@ const ACCEPTED: &[(&str, &[&str])] = &[
         "sat:scale=1,boxes=8,64,angle=3,filter=nearest",
         &["scale=1 boxes=8 angle=3 filter=nearest", "scale=1 boxes=64 angle=3 filter=nearest"],
     ),
+    ("halfangle", &["slices=64"]),
+    (
+        "halfangle:slices=8,256,between=constant,map=64",
+        &["slices=8 between=constant", "slices=256 between=constant"],
+    ),
     ("lightvolume", &["scale=2 build=gather"]),
     (
         "lightvolume:scale=1,1.5,build=sweep,bits=8,average=depth",
@@ -115,6 +120,9 @@ const REFUSED: &[(&str, &str)] = &[
     ("osm:between=spline", "expected linear|cubic"),
     ("dom:between=cubic", "there is: layers, split"),
     ("lightvolume:filter=pcf", "there is: scale, build"),
+    ("halfangle:slices=0", "expected 1..1024"),
+    ("halfangle:between=cubic", "expected linear|constant"),
+    ("halfangle:near=4", "there is: slices, between, march, step, map, fit, filter, lookup"),
     ("sat:filter=pcf", "expected nearest|bilinear"),
     ("sat:scale=0.4", "expected 0.5..8"),
     ("sat:boxes=1", "expected 2..1024"),

@@ -18,7 +18,7 @@ use wgpu::naga::{self, back::spv, proc::BoundsCheckPolicy};
 /// Card for which Mesa compiles.
 const CARD: &str = "NAVI21";
 /// Methods whose shaders are compiled: every method, and the settings with the largest shaders.
-const METHODS: [&str; 21] = [
+const METHODS: [&str; 22] = [
     "rays",
     "dsm",
     "dsm:march=samples",
@@ -40,6 +40,7 @@ const METHODS: [&str; 21] = [
     "beer",
     "lightvolume:scale=4",
     "sat",
+    "halfangle",
 ];
 /// Largest relative difference from the table.
 const TOLERANCE: f64 = 0.1;

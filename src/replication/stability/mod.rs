@@ -253,7 +253,11 @@ impl Lit<'_> {
         let scene =
             Scene { step: case.step, width, height, ..Scene::framing(&case.volume).under(self.light.into()) };
         let draw = || -> Result<_> {
-            let shadow = session.shadow(method, self.light)?;
+            let in_sections = method.lookup().is_some_and(|lookup| lookup.has_sections());
+            let shadow = match in_sections {
+                true => session.shadow_of(method, &scene, self.light)?,
+                false => session.shadow(method, self.light)?,
+            };
             let picture = session.render(&shadow, &scene)?;
             let report = &shadow.report;
             let frame_ms = picture.span.best().0;

@@ -199,6 +199,7 @@ impl DeepShadowMap {
             bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
             enclosure,
+            sections: None,
             _pool: Some(nodes.pool),
         })
     }

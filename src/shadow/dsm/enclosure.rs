@@ -146,6 +146,7 @@ impl DeepShadowMap {
             bound: None,
             light_space: tiles.light_space.clone(),
             enclosure: None,
+            sections: None,
             _pool: Some(nodes.pool),
         })
     }

@@ -306,6 +306,7 @@ impl Built<'_> {
             report: self.report,
             bound: None,
             enclosure: None,
+            sections: None,
             _pool: None,
         }
     }

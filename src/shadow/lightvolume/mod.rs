@@ -308,6 +308,7 @@ impl Method for LightVolume {
             },
             bound: None,
             enclosure: None,
+            sections: None,
             _pool: None,
         })
     }

@@ -73,6 +73,7 @@ pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>, march
         report: BuildReport::default(),
         bound: None,
         enclosure: None,
+        sections: None,
         _pool: None,
     }
 }

@@ -286,6 +286,7 @@ impl Method for SummedAreaTable {
             report: BuildReport { device, bytes, bytes_used: bytes, is_shared: true, ..Default::default() },
             bound: None,
             enclosure: None,
+            sections: None,
             _pool: None,
         })
     }

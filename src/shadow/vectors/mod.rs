@@ -288,6 +288,7 @@ impl VectorMapDescriptor {
             report,
             bound: None,
             enclosure: None,
+            sections: None,
             _pool: None,
         })
     }
