@@ -314,6 +314,7 @@ impl FrameWriter<'_> {
             let building = Building { deferred: None, watch: Some(&show_map) };
             let prepared =
                 session.prepare_with(method, (&scene, MapCoverage::Picture), &mut work, building)?;
+            self.progress.show_rays(0.0);
             let picture = prepared.render_watched(&scene, |share| self.progress.show_rays(share))?;
             let pixels = &picture.pixels;
             let file = match &mut animation {

@@ -153,6 +153,7 @@ impl RenderJob<'_> {
         let building = Building { deferred: None, watch: Some(&show_map) };
         let mut work = Work::default();
         let prepared = session.prepare_with(self.method.as_ref(), extent, &mut work, building)?;
+        self.progress.show_rays(0.0);
         let mut picture = prepared.render_watched(scene, |share| self.progress.show_rays(share))?;
         if asked {
             self.progress.show_step("exact transmittance");
