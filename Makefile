@@ -27,6 +27,7 @@ DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 UMBRAVOX_DATA ?= ../shared/data
 SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 GRID_METHODS := none;rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;fourier:map=256,terms=15
+PAGE_METHODS := dsm;rays;avsm;osm
 PICTURES_EFFORT ?= --repeats 7
 PICTURES_DIR ?= docs
 MDBOOK ?= mdbook
@@ -106,6 +107,8 @@ pictures: setup
 	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(GRID_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/grid
 	cp out/grid/grid.png $(PICTURES_DIR)/grid.png
 	$(UMBRAVOX) render --scene examples/chest.toml --size 220x220 --light-sweep 24 --fps 8 -o $(PICTURES_DIR)/sweep.gif
+	$(UMBRAVOX) export phantom:thorax:128 --methods "$(PAGE_METHODS)" --size 400 -o out/page.html
+	scripts/page_shot.py out/page.html $(PICTURES_DIR)/page.png 860x1010
 
 book:
 	scripts/book.py --mdbook "$(MDBOOK)"

@@ -162,6 +162,13 @@ class Page:
             await self.mouse("mouseMoved", x, y, **pressed)
         await self.mouse("mouseReleased", *end, clickCount=1, **pressed)
 
+    async def touch(self, *places):
+        """Moves one or more fingers; ``places`` are the paths of the fingers, of equal length."""
+        for i, at in enumerate(zip(*places)):
+            points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(at)]
+            await self.call("Input.dispatchTouchEvent", type="touchMove" if i else "touchStart", touchPoints=points)
+        await self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     async def key(self, key, modifiers=0):
         for kind in ("keyDown", "keyUp"):
             await self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, modifiers=modifiers)

@@ -91,6 +91,25 @@ def test_a_drag_turns_the_volume(browser, widget):
     in_page(browser, widget, scenario)
 
 
+def test_one_finger_turns_and_two_zoom(browser, widget):
+    async def scenario(page):
+        await page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+        x, y = await page.centre(".ux-stage")
+        before, turned = await after(page, widget, page.touch([(x + 20 * i, y + 5 * i) for i in range(4)]))
+        assert not np.array_equal(before, turned)
+        # 0.4 degrees a pixel.
+        assert widget.azimuth_deg == pytest.approx(widget._home["azimuth_deg"] - 24)
+        assert widget.elevation_deg == pytest.approx(widget._home["elevation_deg"] + 6)
+        angles = widget.azimuth_deg, widget.elevation_deg
+        # Fingers at twice their distance halve that of the camera.
+        apart = [[(x + side * (30 + 10 * i), y) for i in range(4)] for side in (-1, 1)]
+        _, near = await after(page, widget, page.touch(*apart))
+        assert widget.distance == pytest.approx(0.5) and not np.array_equal(turned, near)
+        assert (widget.azimuth_deg, widget.elevation_deg) == angles
+
+    in_page(browser, widget, scenario)
+
+
 def test_shift_and_drag_move_the_light(browser, widget):
     async def scenario(page):
         x, y = await page.centre(".ux-stage")

@@ -162,7 +162,7 @@ class Volume:
     def voxels(self) -> NDArray[Any]:
         """Copy of the values, axes i, j, k: in the stored type without scaling, else float64."""
     def save(self, path: _Path) -> None:
-        """Writes the volume like ``umbravox convert``: .nii, .nii.gz, .nrrd, .npy or .raw."""
+        """Writes the volume like ``umbravox convert``: .nii, .nii.gz, .nrrd, .mha, .vti, .npy or .raw."""
 
 @final
 class Scene:

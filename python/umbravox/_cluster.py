@@ -13,9 +13,9 @@ from ._errors import Error, InputError, RunError
 from ._umbravox import Scene, Volume, method_specs  # type: ignore
 
 _WHAT = "cannot compare on workers"
-#: Arguments of a table that need all of its rows in one process.
+#: Arguments that need all rows of a table in one process.
 _OF_ONE_PROCESS = "output", "overwrite", "resume", "budget"
-#: Measurements of one process run one after another, or they would time each other.
+#: Serializes the measurements of one process: concurrent ones would disturb each other's times.
 _measuring = threading.Lock()
 
 
@@ -24,7 +24,7 @@ def compare_on(client: Any, scene: tuple[Any, Any, dict[str, Any]], methods: Any
     progress = measuring.pop("progress", None)
     _check(client, scene[0], measuring)
     specs = method_specs(methods)
-    # Every worker has a copy, so that it is not lost with one of them.
+    # Every worker has a copy, so that the scene survives the end of a worker.
     (data,) = client.scatter([scene], broadcast=True, hash=False)
     options: dict[str, Any] = {"pure": False, "resources": _resources(client)}
     name = f"umbravox-compare-{uuid.uuid4().hex[:8]}"
@@ -32,7 +32,7 @@ def compare_on(client: Any, scene: tuple[Any, Any, dict[str, Any]], methods: Any
     try:
         rows = _gathered(futures, specs, _listener(progress))
     finally:
-        # Rows that nobody waits for any more, after an error or Ctrl-C.
+        # After an error or Ctrl-C, rows that have not started are not measured.
         client.cancel(futures)
     _check_versions(rows)
     _mark_pareto(rows)
@@ -68,7 +68,7 @@ def _row(scene: tuple[Any, Any, dict[str, Any]], method: str, measuring: dict[st
         except Exception:
             raise
         except BaseException as e:
-            # Dask waits for ever for a task that ends with another exception, such as a panic of the library.
+            # Dask never completes a task that raises a BaseException, such as a panic of the library.
             raise RunError(_WHAT, method, f"{type(e).__name__}: {e}") from e
     return rows, [str(warning.message) for warning in caught]
 
@@ -77,15 +77,15 @@ def _gathered(futures: list[Any], specs: list[str], listener: Any) -> list[dict[
     from distributed import as_completed  # type: ignore
 
     places, found, start = {future.key: i for i, future in enumerate(futures)}, {}, time.monotonic()
-    heard: set[str] = set()
+    shown: set[str] = set()
     listener({"done": 0, "total": len(futures), "what": specs[0], "left_s": None})
     for done, future in enumerate(as_completed(futures), 1):
         i = places[future.key]
-        found[i], told = _result(future, specs[i])
-        for text in told:
-            if text not in heard:
+        found[i], messages = _result(future, specs[i])
+        for text in messages:
+            if text not in shown:
                 warnings.warn(text, stacklevel=4)
-        heard |= set(told)
+        shown |= set(messages)
         running = [spec for at, spec in enumerate(specs) if at not in found]
         if running:
             left_s = (time.monotonic() - start) / done * len(running)

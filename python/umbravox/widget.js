@@ -125,25 +125,34 @@ function zoom({ state }, factor) {
   state.distance = clamp(state.distance * factor, ...DISTANCES);
 }
 
+// A mouse or one finger turns, two fingers zoom.
 function pointerControls(stage, view) {
-  let last = null;
+  // Places of the pressed pointers by their number.
+  const pressed = new Map();
+  const place = ({ clientX, clientY }) => [clientX, clientY];
   stage.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
+    if (event.button !== 0 || pressed.size === 2) return;
     stage.setPointerCapture(event.pointerId);
     stage.focus({ preventScroll: true });
     event.preventDefault();
-    last = [event.clientX, event.clientY];
+    pressed.set(event.pointerId, place(event));
   });
   stage.addEventListener("pointermove", (event) => {
+    const [last, here] = [pressed.get(event.pointerId), place(event)];
     if (!last) return;
-    const moved = [event.clientX - last[0], event.clientY - last[1]].map((pixels) => DEGREES_PER_PIXEL * pixels);
-    last = [event.clientX, event.clientY];
-    (event.shiftKey ? turnLight : turn)(view, ...moved);
+    pressed.set(event.pointerId, here);
+    const moved = [0, 1].map((axis) => here[axis] - last[axis]);
+    if (pressed.size === 2) {
+      const [other] = [...pressed].filter(([number]) => number !== event.pointerId).map(([, at]) => at);
+      const [before, after] = [last, here].map((at) => Math.hypot(at[0] - other[0], at[1] - other[1]));
+      zoom(view, clamp(before / Math.max(after, 1), 0.5, 2));
+    } else {
+      (event.shiftKey ? turnLight : turn)(view, ...moved.map((pixels) => DEGREES_PER_PIXEL * pixels));
+    }
     view.ask(true);
   });
-  const end = () => {
-    if (last) view.ask(false);
-    last = null;
+  const end = (event) => {
+    if (pressed.delete(event.pointerId)) view.ask(pressed.size > 0);
   };
   stage.addEventListener("pointerup", end);
   stage.addEventListener("pointercancel", end);
@@ -409,7 +418,7 @@ function render({ model, el }) {
   const drawDisc = lightDisc(stage, view);
   const error = element("div", "ux-error", stage, { role: "alert" });
   const status = element("div", "ux-status", stage);
-  element("div", "ux-foot", box).textContent = "Drag: turn · Shift + drag: light · Wheel: zoom";
+  element("div", "ux-foot", box).textContent = "Drag: turn · Shift + drag: light · Wheel or two fingers: zoom";
 
   const show = () => {
     const bytes = model.get("_picture");

@@ -5,7 +5,7 @@ use super::export::{check_page, page_methods, scene_page};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
-use crate::files::input::STANDARD_STREAM;
+use crate::files::input::is_standard_stream;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
@@ -84,8 +84,10 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
-    /// Light rays and points at which error bounds are tested
-    #[arg(long, value_enum, default_value_t = Checked::Sample)]
+    /// Light rays and points at which error bounds are tested: sample (as many light rays as --rays, and points in a
+    /// twentieth as many cells between texels), all (the light ray of every texel, also at the depths of all curve nodes, and
+    /// points as sample), or points (a million points between light rays, and light rays as sample)
+    #[arg(long, value_enum, default_value_t = Checked::Sample, hide_possible_values = true)]
     pub check: Checked,
     /// Also measure flicker over N small steps of the light, and as many of the camera (columns flicker_rms and
     /// flicker_camera_rms)
@@ -309,8 +311,7 @@ fn read_all(
     let several = scenes.len() > 1 || each_light;
     for (i, settings) in scenes.into_iter().enumerate() {
         let loaded = load_scene(&settings)?;
-        let of_file =
-            || paths.get(i).filter(|path| *path != Path::new(STANDARD_STREAM)).map(|path| stem(path));
+        let of_file = || paths.get(i).filter(|path| !is_standard_stream(path)).map(|path| stem(path));
         let name = settings.name.clone().or_else(of_file);
         let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
         names.push(name.clone());

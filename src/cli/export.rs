@@ -13,8 +13,8 @@ use crate::measure::job::{Effort, Job};
 use crate::measure::picture_errors::picture_errors;
 use crate::measure::progress::Progress;
 use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
-use crate::page::{PageTexts, html, page_data};
-use crate::render::{Renderer, Session};
+use crate::page::{PageTexts, html, page_data, page_optimizations};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::report::make::scene_name;
 use crate::report::mitsuba::{GridError, SCENE_FILE, write_mitsuba};
 use crate::scene::LightSource;
@@ -129,21 +129,18 @@ pub fn scene_page(
     methods: &[Box<dyn Method>],
     adapter: Option<&str>,
 ) -> Result<Page> {
-    let session = |tuning: Option<Tuning>| {
+    let session = |tuning: Option<Tuning>, disabled: DisabledOptimizations| {
         let mut gpu = Gpu::open(adapter)?;
         gpu.tuning = tuning.unwrap_or(gpu.tuning);
         let renderer = Arc::new(Renderer::new(gpu));
-        let session = Session::on(
-            &renderer,
-            Arc::clone(&loaded.volume),
-            &loaded.tf,
-            settings.disabled_optimizations(),
-        )?;
+        let session = Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, disabled)?;
         Ok(session.with_strands(loaded.strands.clone()))
     };
-    let rows = measured(&session(None)?, methods, loaded)?;
+    let disabled = settings.disabled_optimizations();
+    let rows = measured(&session(None, disabled)?, methods, loaded)?;
     // Shaders of cards find the tiles of a picture on the device, and allow for coarse weights of the texture filter.
-    let data = page_data(&session(Some(Tuning::CARD))?, methods, &loaded.scene)?;
+    let session = session(Some(Tuning::CARD), page_optimizations(disabled))?;
+    let data = page_data(&session, methods, &loaded.scene)?;
     Ok(Page { html: html(&texts(settings, loaded), &rows, &data)?, rows })
 }
 

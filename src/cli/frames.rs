@@ -1,9 +1,10 @@
 //! Pictures of a full rotation of the camera or the lights, or of a time series: `render --turntable`, `--light-sweep` and
 //! `--frames`.
 
-use super::console::{print_message, progress_bar};
+use super::console::print_message;
 use super::interrupt::Interrupt;
-use crate::engine::{CachedSession, MapCoverage, Prepared, Rotation, Work};
+use super::render_progress::RenderProgress;
+use crate::engine::{Building, CachedSession, MapCoverage, Prepared, Rotation, Work};
 use crate::error::{Error, Result};
 use crate::files::animation::{Animated, Animation, PICTURES_PER_SECOND, check_backdrop, is_animation};
 use crate::files::output::{check_output, check_output_or_stdout, is_stdout};
@@ -28,8 +29,8 @@ pub type Texts = Vec<(String, String)>;
 /// Flags of `render` for several pictures: a full rotation of the camera or the lights, or a time series.
 #[derive(Debug, Clone, Args)]
 pub struct FrameFlags {
-    /// Draw N pictures of a full rotation of the camera around its target: 360/N degrees around --up per picture,
-    /// counterclockwise as seen from above. The first picture is the one drawn without this flag
+    /// Draw N pictures of a full rotation of the camera around its target: 360/N degrees around --up each,
+    /// counterclockwise from above, from the camera of the other flags on
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(Rotation::MAX_PICTURES)),
         conflicts_with = "light_sweep", help_heading = "Rotation")]
     pub turntable: Option<u32>,
@@ -166,6 +167,11 @@ impl fmt::Display for Position {
 }
 
 impl FramePlan {
+    /// Returns the number of pictures.
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
     /// Sets the number of pictures of a time series, from the number of frames of its file.
     ///
     /// # Errors
@@ -262,6 +268,7 @@ pub struct FrameWriter<'a> {
     pub texts: &'a dyn Fn(&Scene, Position) -> Result<Texts>,
     /// Function that puts the volume of a picture into the session, and returns the scene of the picture.
     pub scene: &'a dyn Fn(&mut CachedSession, Position) -> Result<Scene>,
+    pub progress: &'a RenderProgress,
 }
 
 impl FrameWriter<'_> {
@@ -294,19 +301,21 @@ impl FrameWriter<'_> {
         if matches!(kind, Frames::Rotation(rotation) if !rotation.changes(scene)) {
             print_message("note", &"every light lies on the rotation axis: all pictures are identical");
         }
-        let bar = progress_bar((*count).into(), "{bar:20} {pos}/{len} about {eta} left, {wide_msg}")?;
         let (mut first, mut frames) = (None, Vec::new());
         for position in (0..*count).map(|number| self.plan.position(number)) {
             if interrupt.is_requested() {
-                bar.finish_and_clear();
                 let why = format!("{} of {count} pictures are drawn; {written}", frames.len());
                 return Err(Error::runtime("interrupted", output.display(), why));
             }
-            bar.set_message(position.to_string());
+            self.progress.begin_picture(&position);
             let scene = (self.scene)(session, position)?;
             let mut work = Work::default();
-            let prepared = session.prepare(method, (&scene, MapCoverage::Picture), &mut work)?;
-            let picture = prepared.render(&scene)?;
+            let show_map = |number, count| self.progress.show_map(number, count);
+            let building = Building { deferred: None, watch: Some(&show_map) };
+            let prepared =
+                session.prepare_with(method, (&scene, MapCoverage::Picture), &mut work, building)?;
+            self.progress.show_rays(0.0);
+            let picture = prepared.render_watched(&scene, |share| self.progress.show_rays(share))?;
             let pixels = &picture.pixels;
             let file = match &mut animation {
                 Some(animation) => animation.add(pixels).map(|()| None),
@@ -326,9 +335,9 @@ impl FrameWriter<'_> {
                 frame_wall_ms: picture.span.wall_ms,
             });
             first.get_or_insert_with(|| on_first(&prepared, &picture));
-            bar.inc(1);
+            self.progress.end_picture();
         }
-        bar.finish_and_clear();
+        self.progress.finish_and_clear();
         if animation.is_some() && interrupt.is_requested() {
             let why = format!("all {count} pictures are drawn; {written}");
             return Err(Error::runtime("interrupted", output.display(), why));

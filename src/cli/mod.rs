@@ -21,6 +21,7 @@ mod probe_curve;
 pub mod probe_rays;
 mod probe_slices;
 pub mod render;
+mod render_progress;
 pub mod stability;
 mod table_flags;
 pub mod tf;

@@ -2,7 +2,8 @@
 
 use super::console::{load_scene, print_json, print_message};
 use super::frames::{FrameFlags, FramePlan, FrameRecord, FrameWriter, Frames, Position, Texts};
-use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
+use super::render_progress::RenderProgress;
+use crate::engine::{Building, CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::animation::is_animation;
@@ -13,7 +14,7 @@ use crate::gpu::{Clock, Gpu};
 use crate::measure::certified::{self, Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
-use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings, values};
+use crate::open::{Diagnostic, Level, Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings, values};
 use crate::render::{Omission, Picture, Renderer};
 use crate::report::annotate::annotated;
 use crate::scene::{LightSource, Scene};
@@ -22,6 +23,7 @@ use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use clap::Args;
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,11 +34,10 @@ pub struct RenderArgs {
     pub scene: SceneArgs,
     #[command(flatten)]
     pub frames: FrameFlags,
-    /// Output picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
-    /// --background none, .png has straight alpha, and .exr and .npy have premultiplied colours. A .png contains the
-    /// scene file as a text chunk. With --turntable or --light-sweep, frame.png stands for frame_0000.png and so on;
-    /// .apng and .gif are one animated file. `-` writes PNG to standard output, the pictures of a rotation one after
-    /// another
+    /// Output picture: .png (8-bit sRGB, with the scene as text), .exr or .npy (float32, height x width x 4, linear RGB and
+    /// opacity). With --background none, .png has straight alpha, the others premultiplied colours. Several pictures are
+    /// frame_0000.png and so on for frame.png, or one animated .apng or .gif file. `-` writes PNG to standard output, one
+    /// picture after another
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Mark the picture (.png): directions of the patient, a scale bar in mm at the camera's target, and the colours of
@@ -47,9 +48,8 @@ pub struct RenderArgs {
     /// error: from the exact transmittance at 10,000 random points
     #[arg(long, conflicts_with_all = ["turntable", "light_sweep", "frames"])]
     pub error_bound: bool,
-    /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md). The transmittance of a
-    /// sample errs by at most ETA by the bounds of `dsm:enclose=on`, which it turns on; where they are wider, a shadow
-    /// ray is cast
+    /// Draw a picture with an estimated bound on the error of every pixel (docs/render.md): with `dsm:enclose=on`, and shadow
+    /// rays where its bounds on a transmittance are wider than ETA
     #[arg(long, value_name = "ETA", value_parser = values::within(0.0..=1.0),
         conflicts_with_all = ["turntable", "light_sweep", "frames", "error_bound"])]
     pub certify: Option<f64>,
@@ -100,12 +100,15 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
     session.load(Arc::clone(&loaded.volume), loaded.strands.clone())?;
     session.set_transfer(&loaded.tf, &mut Work::default())?;
-    let job = RenderJob { args: &args, settings: &settings, spec, method, backdrop, loaded, adapter };
+    let progress = RenderProgress::new(plan.as_ref().map_or(1, FramePlan::count))?;
+    let job =
+        RenderJob { args: &args, settings: &settings, spec, method, backdrop, loaded, adapter, progress };
     let summary = match &plan {
-        None => job.draw_one(&mut session)?,
-        Some(plan) => job.draw_several(&mut session, plan)?,
+        None => job.draw_one(&mut session),
+        Some(plan) => job.draw_several(&mut session, plan),
     };
-    summary.report(&run)
+    job.progress.finish_and_clear();
+    summary?.report(&run)
 }
 
 /// Pictures to render, with everything that is the same for all of them.
@@ -117,6 +120,7 @@ struct RenderJob<'a> {
     backdrop: Backdrop,
     loaded: Loaded,
     adapter: String,
+    progress: RenderProgress,
 }
 
 impl RenderJob<'_> {
@@ -145,8 +149,15 @@ impl RenderJob<'_> {
         let asked = args.error_bound || args.certify.is_some();
         let exact = asked.then(|| exact_field((volume, tf), strands.as_deref(), scene)).transpose()?;
         let extent = (scene, MapCoverage::Picture);
-        let prepared = session.prepare(self.method.as_ref(), extent, &mut Work::default())?;
-        let mut picture = prepared.render(scene)?;
+        let show_map = |number, count| self.progress.show_map(number, count);
+        let building = Building { deferred: None, watch: Some(&show_map) };
+        let mut work = Work::default();
+        let prepared = session.prepare_with(self.method.as_ref(), extent, &mut work, building)?;
+        self.progress.show_rays(0.0);
+        let mut picture = prepared.render_watched(scene, |share| self.progress.show_rays(share))?;
+        if asked {
+            self.progress.show_step("exact transmittance");
+        }
         let certified = exact.as_ref().zip(args.certify);
         let certified = certified.map(|(field, eta)| certify(&prepared, field, scene, eta)).transpose()?;
         certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
@@ -171,31 +182,51 @@ impl RenderJob<'_> {
         let Loaded { tf_source, scene, suiting, .. } = &self.loaded;
         // All frames have the camera of the first, and units and extinction as that one.
         let later = self.settings.resolved(scene, tf_source, *suiting);
+        let reported = RefCell::new(self.loaded.diagnostics.clone());
         let at = |session: &mut CachedSession, position: Position| match (plan.frames, position) {
             (Frames::Rotation(rotation), Position::Angle { angle_deg }) => {
                 Ok(rotation.rotated(scene, angle_deg))
             }
             (_, Position::Frame { frame }) if Some(frame) != self.settings.read_flags.frame => {
-                load_frame(session, &later, frame)
+                let (scene, diagnostics) = load_frame(session, &later, frame)?;
+                let is_warning = |d: &Diagnostic| d.level == Level::Warning;
+                for warning in diagnostics.into_iter().filter(is_warning) {
+                    self.warn_once(frame, warning, &mut reported.borrow_mut());
+                }
+                Ok(scene)
             }
             _ => Ok(scene.clone()),
         };
         let texts = |scene: &Scene, position| self.texts(scene, Some(position));
-        let writer = FrameWriter { plan, backdrop: self.backdrop, texts: &texts, scene: &at };
+        let (backdrop, progress) = (self.backdrop, &self.progress);
+        let writer = FrameWriter { plan, backdrop, texts: &texts, scene: &at, progress };
         let on_first = |prepared: &Prepared<'_>, picture: &Picture| self.summary(prepared, picture);
         let (first, frames) = writer.write(session, self.method.as_ref(), scene, on_first)?;
         Ok(Summary { frames: Some(frames), ..first })
     }
+
+    /// Prints a warning about a frame of a time series, unless an earlier frame has it too.
+    fn warn_once(&self, frame: usize, warning: Diagnostic, reported: &mut Vec<Diagnostic>) {
+        if !reported.contains(&warning) {
+            let text = format_args!("frame {frame}: {}", warning.message);
+            self.progress.print_message(warning.level.name(), &text);
+            reported.push(warning);
+        }
+    }
 }
 
-/// Puts a frame of a time series into a session, and returns its scene.
-fn load_frame(session: &mut CachedSession, settings: &SceneSettings, frame: usize) -> Result<Scene> {
+/// Puts a frame of a time series into a session, and returns its scene with notes and warnings.
+fn load_frame(
+    session: &mut CachedSession,
+    settings: &SceneSettings,
+    frame: usize,
+) -> Result<(Scene, Vec<Diagnostic>)> {
     let mut settings = settings.clone();
     settings.read_flags.frame = Some(frame);
-    let Loaded { volume, strands, tf, scene, .. } = settings.load(&Loading::default())?;
+    let Loaded { volume, strands, tf, scene, diagnostics, .. } = settings.load(&Loading::default())?;
     session.load(volume, strands)?;
     session.set_transfer(&tf, &mut Work::default())?;
-    Ok(scene)
+    Ok((scene, diagnostics))
 }
 
 /// Refuses a file for the error bounds that cannot be written, or that is the picture itself.

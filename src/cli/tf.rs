@@ -14,11 +14,18 @@ use std::path::{Path, PathBuf};
 
 /// List transfer-function presets, and convert transfer functions of other programs
 #[derive(Debug, Args)]
-#[command(arg_required_else_help = false)]
+#[command(arg_required_else_help = false, after_help = USE_OF_PRESETS)]
 pub struct TfArgs {
     #[command(subcommand)]
     command: TfCommand,
 }
+
+/// Adaptation of presets and files to a volume.
+const USE_OF_PRESETS: &str = "\
+A file is used unchanged, unless its units are `fraction`. A preset in HU is used unchanged on a volume in HU (`umbravox info` says \
+which and why, --units decides); on any other, -1000 to 800 HU are scaled to the value range. Fractions are scaled to the value range \
+of every volume. `hair` takes values as extinction in 1/mm. Presets are denser or thinner in volumes far from the size of a body; \
+--opacity-scale 1 undoes it.";
 
 #[derive(Debug, Subcommand)]
 enum TfCommand {

@@ -2,7 +2,7 @@
 //! from one picture to the next.
 
 use super::invalidation::{Change, Stage};
-use super::shadow_cache::{MapCoverage, MapSource, ShadowCache, Work};
+use super::shadow_cache::{Building, MapCoverage, MapSource, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::field::{DeferredPasses, LoadedVolume};
 use crate::render::{DeviceTransfer, DisabledOptimizations, Picture, Renderer};
@@ -24,6 +24,9 @@ pub struct CachedSession {
     shadows: ShadowCache,
 }
 
+/// Intended duration of the submissions of [`Prepared::render_watched`], ms.
+const WATCHED_SUBMISSION_MS: f64 = 600.0;
+
 /// Everything on the device that a picture or a query for transmittance needs: volume, transfer-function tables, and
 /// shadow maps of one method.
 pub struct Prepared<'a> {
@@ -44,6 +47,22 @@ impl Prepared<'_> {
     /// See [`Renderer::render`].
     pub fn render(&self, scene: &Scene) -> Result<Picture> {
         self.renderer.render(self.loaded, self.transfer, self.shadows.clone(), scene)
+    }
+
+    /// Renders a picture like [`Self::render`], in several submissions if it has more than about 300,000 pixels. `watch`
+    /// receives the share of the picture that is drawn, 0 to 1.
+    ///
+    /// # Errors
+    /// See [`Renderer::render`].
+    pub fn render_watched(&self, scene: &Scene, mut watch: impl FnMut(f32)) -> Result<Picture> {
+        let go_on = |share| {
+            watch(share);
+            true
+        };
+        let (loaded, transfer, shadows) = (self.loaded, self.transfer, self.shadows.clone());
+        let drawn =
+            self.renderer.render_in_bands(loaded, transfer, shadows, scene, WATCHED_SUBMISSION_MS, go_on)?;
+        drawn.ok_or_else(|| Error::runtime("cannot render", "picture", "it was left unfinished"))
     }
 }
 
@@ -146,11 +165,11 @@ impl CachedSession {
         extent: (&Scene, MapCoverage),
         work: &mut Work,
     ) -> Result<Prepared<'_>> {
-        self.prepare_with(method, extent, work, None)
+        self.prepare_with(method, extent, work, Building::default())
     }
 
-    /// Prepares a picture like [`Self::prepare`]. With `deferred`, build passes wait there for the submission of the
-    /// picture ([`LightMaps::after`](crate::render::LightMaps::after)), and [`Self::complete`] has to follow.
+    /// Prepares a picture like [`Self::prepare`]. With `building.deferred`, build passes wait there for the submission
+    /// of the picture ([`LightMaps::after`](crate::render::LightMaps::after)), and [`Self::complete`] has to follow.
     ///
     /// # Errors
     /// See [`Self::prepare`].
@@ -159,13 +178,13 @@ impl CachedSession {
         method: &dyn Method,
         extent: (&Scene, MapCoverage),
         work: &mut Work,
-        deferred: Option<&DeferredPasses>,
+        building: Building<'_>,
     ) -> Result<Prepared<'_>> {
         let Self { renderer, loaded: Some(loaded), transfer: Some((_, transfer)), shadows, .. } = self else {
             return Err(Error::runtime("cannot draw", "renderer", "no volume is open"));
         };
         let source = MapSource { renderer, loaded, transfer };
-        let shadows = shadows.prepare(source, method, extent, work, deferred)?;
+        let shadows = shadows.prepare(source, method, extent, work, building)?;
         Ok(Prepared { renderer, loaded, transfer, shadows })
     }
 

@@ -22,4 +22,4 @@ pub use invalidation::{Change, INVALIDATES, Stage};
 pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;
 pub use rotation::{RotatedScene, Rotation};
-pub use shadow_cache::{MapCoverage, MapSource, ReusePolicy, ShadowCache, Work};
+pub use shadow_cache::{Building, MapCoverage, MapSource, ReusePolicy, ShadowCache, Work};

@@ -6,7 +6,7 @@ use super::mailbox::{EventSender, Mailbox};
 use super::messages::{Event, Frame, FrameRequest, MethodFrame};
 use super::quality::{Quality, Speeds};
 use super::reading::{OpenedVolume, suitable_shading};
-use super::shadow_cache::{MapCoverage, ReusePolicy, ShadowCache, Work};
+use super::shadow_cache::{Building, MapCoverage, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
 use crate::field::DeferredPasses;
 use crate::gpu::Gpu;
@@ -156,8 +156,8 @@ impl ProgressiveRenderer {
         let mut built = Work::default();
         let deferred = DeferredPasses::default();
         let extent = (scene, MapCoverage::Picture);
-        let made =
-            self.session.prepare_with(method.as_ref(), extent, &mut built, joint.then_some(&deferred))?;
+        let building = Building { deferred: joint.then_some(&deferred), watch: None };
+        let made = self.session.prepare_with(method.as_ref(), extent, &mut built, building)?;
         let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
         let is_built = deferred.is_empty();
         if is_built {

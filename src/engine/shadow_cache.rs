@@ -22,6 +22,15 @@ pub struct Work {
     pub built: usize,
 }
 
+/// Way in which [`ShadowCache::prepare`] builds missing shadow maps. The default runs all passes at once.
+#[derive(Clone, Copy, Default)]
+pub struct Building<'a> {
+    /// Build passes that wait for the submission of the picture; `None` if passes run at once.
+    pub deferred: Option<&'a DeferredPasses>,
+    /// Receives, before each build, the number of maps that are built and the number of maps to build.
+    pub watch: Option<&'a dyn Fn(usize, usize)>,
+}
+
 /// Region in which a shadow map must be valid: the visible points of a picture, or all points of the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapCoverage {
@@ -188,7 +197,7 @@ impl ShadowCache {
     }
 
     /// Returns the shadow map of each light that is not black, in the order of the lights. Builds the maps that
-    /// are not in the cache. With `deferred`, passes wait there for the submission of the picture, and
+    /// are not in the cache. With `building.deferred`, passes wait there for the submission of the picture, and
     /// [`Self::complete`] has to follow: otherwise the next call discards these maps.
     ///
     /// # Errors
@@ -199,7 +208,7 @@ impl ShadowCache {
         method: &dyn Method,
         (scene, coverage): (&Scene, MapCoverage),
         work: &mut Work,
-        deferred: Option<&DeferredPasses>,
+        Building { deferred, watch }: Building<'_>,
     ) -> Result<Vec<&ShadowMap>> {
         self.maps.retain(|map| map.deferred.is_none());
         let acceptable = Acceptable::new(source, method, scene, coverage.view(scene));
@@ -223,7 +232,9 @@ impl ShadowCache {
         let margin = if self.reuse == ReusePolicy::Exact { 0.0 } else { VIEW_MARGIN };
         let view = acceptable.view.map(|view| view.with_margin(margin));
         let MapSource { renderer, loaded, transfer } = source;
-        for light in missing {
+        let count = missing.len();
+        for (built, light) in missing.into_iter().enumerate() {
+            watch.iter().filter(|_| acceptable.needs_shadows()).for_each(|watch| watch(built, count));
             let first = deferred.map_or(0, DeferredPasses::len);
             let field = (loaded, transfer);
             let map = renderer.shadow_with(field, method, (scene, &light), view.as_ref(), deferred)?;

@@ -20,7 +20,12 @@ pub fn says_lps(beginning: &[u8]) -> bool {
 }
 
 /// Name that stands for standard input or standard output instead of a file.
-pub const STANDARD_STREAM: &str = "-";
+const STANDARD_STREAM: &str = "-";
+
+/// Whether a path stands for standard input or standard output.
+pub fn is_standard_stream(path: &Path) -> bool {
+    path == Path::new(STANDARD_STREAM)
+}
 
 /// Returns the name of a file or folder from its path, or from the source (path or name) of a volume. A slash at the
 /// end of a folder, as tab completion writes it, is ignored.
@@ -41,7 +46,7 @@ pub fn source_name(source: &str) -> &str {
 /// The file cannot be read, is not UTF-8 or is larger than 256 MiB.
 pub fn read_text(path: &Path, what: &str) -> Result<String> {
     let refuse = |why: String| Error::input(what, path.display(), why);
-    let source: Box<dyn Read> = match path == Path::new(STANDARD_STREAM) {
+    let source: Box<dyn Read> = match is_standard_stream(path) {
         true => Box::new(std::io::stdin()),
         false => Box::new(File::open(path).map_err(|e| refuse(e.to_string()))?),
     };

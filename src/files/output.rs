@@ -1,6 +1,6 @@
 //! Writes output files that appear only when they are complete, and validates output paths before any work starts.
 
-use super::input::STANDARD_STREAM;
+use super::input::is_standard_stream;
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -36,7 +36,7 @@ pub fn abandon_and(end: fn() -> !) -> ! {
 
 /// Whether an output is standard output instead of a file: `-`.
 pub fn is_stdout(path: &Path) -> bool {
-    path == Path::new(STANDARD_STREAM)
+    is_standard_stream(path)
 }
 
 /// Writes a file that appears only when it is complete: into a temporary file in the same folder, which is then

@@ -23,9 +23,12 @@ pub(super) fn frame_warning(path: &Path, frame: usize, frames: usize) -> Result<
         let why = format!("--frame {frame} is beyond its {frames} {noun} (counted from 0)");
         return Err(Error::input("cannot read frame", path.display(), why));
     }
-    let warning =
-        || format!("{frames} frames: frame {frame} (counted from 0) was read, --frame selects another");
-    Ok((frames > 1).then(warning))
+    Ok((frames > 1).then(|| frame_choice(frame, frames)))
+}
+
+/// Returns the text of the warning that only one of several frames (such as time points) of a file was read.
+pub fn frame_choice(frame: usize, frames: usize) -> String {
+    format!("{frames} frames: frame {frame} (counted from 0) was read, --frame selects another")
 }
 
 /// Returns the path of a data file that a volume header names. The data file must lie in the folder of the header or

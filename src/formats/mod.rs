@@ -22,6 +22,7 @@ pub mod vti;
 mod write;
 pub mod zarr;
 
+pub use common::frame_choice;
 pub use head::Head;
 pub use nifti::{NIFTI_EXTENSIONS, write_nifti};
 pub use raw_layout::{RawLayout, Sidecar};

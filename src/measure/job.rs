@@ -48,12 +48,12 @@ pub struct Effort {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Checked {
-    /// Tests as many light rays as `--rays`, and points in a twentieth as many cells between texels
+    /// Tests as many light rays as `--rays`, and points in a twentieth as many cells between texels.
     #[default]
     Sample,
-    /// Tests the light ray of every shadow map texel, also at the depths of all curve nodes, and points as `sample`
+    /// Tests the light ray of every shadow map texel, also at the depths of all curve nodes, and points as `sample`.
     All,
-    /// Tests a million points between the light rays of texels, and light rays as `sample`
+    /// Tests a million points between the light rays of texels, and light rays as `sample`.
     Points,
 }
 

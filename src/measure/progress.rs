@@ -27,6 +27,8 @@ pub enum StepKind {
     Case,
     /// Step of a measurement that tries one choice of method settings, in a search within a memory or time budget.
     Trial,
+    /// Step of a command that reads a volume or draws pictures, and measures nothing.
+    Render,
 }
 
 /// Step of a measurement: its kind and its shadow method. The estimate of the remaining time assumes that equal steps

@@ -24,8 +24,7 @@ layer! {
 /// Command-line flags for reading a volume; a flag that is not given is `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct ReadFlags {
-    /// Read VOLUME as raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for
-    /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
+    /// Raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", help_heading = "Volume")]
     pub raw: Option<RawLayout>,
     /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the
@@ -49,10 +48,9 @@ pub struct ReadFlags {
     /// all]
     #[arg(long, value_name = "RANGES", allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
-    /// Downsample by averaging blocks of voxels: of 2x2x1 voxels; or the smallest blocks that leave at most so many
-    /// bytes of voxels (--downsample=2GiB), or as many as the adapter's textures and free memory hold (--downsample)
-    /// [default: all voxels]
-    #[arg(long, value_name = "auto|BYTES|XxYxZ", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
+    /// Average blocks of voxels: of 2x2x1 voxels (=2x2x1); or the smallest blocks that leave at most so many bytes of voxels
+    /// (=2GiB), or as many as the adapter's textures and free memory hold (=auto, or no value) [default: all voxels]
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
     pub downsample: Option<Downsample>,
     /// Command-line flags for voxelising strands.
     #[command(flatten)]

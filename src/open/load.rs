@@ -6,6 +6,7 @@ use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
 use super::{Diagnostic, Read, SceneSettings, user_presets};
 use crate::error::Result;
 use crate::files::loading::Loading;
+use crate::formats::frame_choice;
 use crate::render::VisibleBounds;
 use crate::scene::Scene;
 use crate::strands::VoxelisedStrands;
@@ -101,7 +102,10 @@ impl SceneSettings {
     /// A file that cannot be read, or cancellation.
     pub fn read_volume(&self, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<Read> {
         let Read { volume, strands } = self.spec().read(loading)?;
-        diagnostics.extend(volume.provenance.warnings.iter().cloned().map(Diagnostic::warning));
+        // Who names a frame knows that there are others.
+        let chosen = self.read_flags.frame.map(|frame| frame_choice(frame, volume.provenance.frames));
+        let warnings = volume.provenance.warnings.iter().filter(|text| chosen.as_ref() != Some(text));
+        diagnostics.extend(warnings.cloned().map(Diagnostic::warning));
         diagnostics.extend(self.checksum_warning()?.map(Diagnostic::warning));
         let volume = self.masking.label(volume, strands.is_some(), diagnostics, loading)?;
         Ok(Read { volume, strands })

@@ -3,6 +3,7 @@
 use super::SceneSettings;
 use super::layer::{Layer, layer};
 use crate::error::{Error, Result};
+use crate::files::input::is_standard_stream;
 use clap::Args;
 use serde::Serialize;
 use std::ops::Not;
@@ -69,12 +70,16 @@ impl SceneArgs {
     /// scene files it returns the flags alone.
     ///
     /// # Errors
-    /// A scene file cannot be read.
+    /// A scene file cannot be read, or two are standard input.
     pub fn into_requests(self) -> Result<Vec<SceneRequest>> {
         let Self { request, scene } = self;
         let request = SceneRequest { settings: request.settings.with_phase_function()?, ..request };
         if scene.is_empty() {
             return Ok(vec![request]);
+        }
+        if scene.iter().filter(|path| is_standard_stream(path)).count() > 1 {
+            let why = "standard input holds one scene";
+            return Err(Error::input("bad command line", "--scene -", why));
         }
         scene.iter().map(|path| Ok(request.over(&SceneRequest::read(path)?))).collect()
     }

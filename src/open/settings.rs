@@ -15,6 +15,7 @@ use crate::scene::{AmbientOcclusion, AxisView, Camera, LightSource, Scene, Shadi
 use crate::shadow::{METHODS, Method, MethodSpec};
 use clap::Args;
 use glam::DVec3;
+use itertools::Itertools as _;
 use serde::{Serialize, Serializer};
 use std::path::Path;
 
@@ -46,19 +47,18 @@ pub struct SceneSettings {
     /// Name of the scene in tables [default: the scene file's name, or volume and transfer function]
     #[arg(long, value_name = "TEXT", help_heading = "Scene")]
     pub name: Option<String>,
-    /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for
-    /// strands, engine otherwise]
-    #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
+    /// Transfer function: a preset or a file; the help names the presets.
+    #[arg(long, value_name = "TF", help_heading = "Scene", help = tf_help())]
     pub tf: Option<String>,
     /// Factor of the transfer function's extinction [default: 1; by the volume's size for presets]
     #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::within(1e-6..=1e6), allow_hyphen_values = true, help_heading = "Scene")]
     pub opacity_scale: Option<f64>,
-    /// Interpret values as HU or as fractions of their range, which decides how presets are scaled [default: as the
-    /// file or the values suggest]
-    #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene")]
+    /// Interpret values as HU (hu) or as fractions of their range (fraction), which decides how presets are scaled
+    /// [default: as the file or the values suggest]
+    #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene", hide_possible_values = true)]
     pub units: Option<Units>,
-    /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
-    #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
+    /// Shadow method and its settings; the help names the methods.
+    #[arg(long, value_name = "METHOD", help_heading = "Scene", help = shadow_help())]
     #[serde(serialize_with = "display", skip_serializing_if = "Option::is_none")]
     pub shadow: Option<MethodSpec>,
     /// Picture size in pixels; one number stands for both sides [default: 512x512]
@@ -100,20 +100,22 @@ pub struct SceneSettings {
     /// number of rays around the point (default: 32) [default: nothing occludes it]
     #[arg(id = "ambient-occlusion", long, value_name = "MM", value_parser = values::ambient_occlusion, allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient_occlusion: Option<AmbientOcclusion>,
-    /// Shading by the gradient, of strands by their direction (kajiya-kay), or by a phase function (phase) [default: none]
-    #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
+    /// Shading by the gradient (lambert, blinn-phong), of strands by their direction (kajiya-kay), or by a phase function
+    /// (phase) [default: none]
+    #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene", hide_possible_values = true)]
     pub shading: Option<Shading>,
     /// Mean cosine g of the Henyey-Greenstein phase function, -0.95 to 0.95; implies --shading phase [default: 0]
     #[arg(long, value_name = "G", value_parser = values::within(-0.95..=0.95), allow_hyphen_values = true, help_heading = "Scene")]
     pub phase: Option<f64>,
-    /// Background colour, sRGB or a name such as white; or none: black, and transparent in picture files [default: #000000]
-    #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
+    /// Background colour, sRGB #rrggbb or a name such as white; or none: black, and transparent in picture files [default:
+    /// #000000]
+    #[arg(long, value_name = "COLOR", value_parser = values::background, help_heading = "Scene")]
     pub background: Option<Background>,
     /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = values::within(0.01..=8.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub step: Option<f64>,
-    /// Empty-space skipping [default: bricks]
-    #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
+    /// Empty-space skipping of eye rays: bricks (blocks of voxels), or none [default: bricks]
+    #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene", hide_possible_values = true)]
     pub skip: Option<Skip>,
     /// Disable optimizations: names separated by commas, as --explain shows them in square brackets, or all
     #[arg(id = "no-skip", long, value_name = "NAMES", help_heading = "Scene")]
@@ -121,32 +123,23 @@ pub struct SceneSettings {
 }
 }
 
-/// Long help text of `--tf`, which lists the transfer-function presets.
+/// Help text of `--tf`, which names the transfer-function presets.
 fn tf_help() -> String {
-    let mut help = String::from(
-        "Transfer function: a preset, or the path of a file: this program's .json, ParaView's .json, 3D Slicer's .vp and \
-         .vp.json, MRIcroGL's and NiiVue's .json, Inviwo's .itf\n\
-         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
-         A file is used unchanged, unless its units are `fraction`. A preset in HU is used unchanged on a volume in HU \
-         (`umbravox info` says which and why, --units decides); on any other, -1000 to 800 HU are scaled to the value \
-         range. Fractions are scaled to the value range of every volume. `hair` takes values as extinction in 1/mm. Presets \
-         are denser or thinner in volumes far from the size of a body; --opacity-scale 1 undoes it.\n\n\
-         Presets (`umbravox tf list`):",
-    );
-    for preset in PRESETS {
-        help += &format!("\n  {:<12} {}", preset.name, preset.about);
-    }
-    help
+    let names = PRESETS.iter().map(|preset| preset.name).join(", ");
+    format!(
+        "Transfer function: a preset ({names}; `umbravox tf list` describes them), or a file of this program, ParaView, 3D \
+         Slicer, MRIcroGL, NiiVue or Inviwo [default: ct for a volume in HU with air, bone in HU without, hair for strands, \
+         engine otherwise]"
+    )
 }
 
-/// Long help text of `--shadow`, which lists the shadow methods.
+/// Help text of `--shadow`, which names the shadow methods.
 fn shadow_help() -> String {
-    let mut help =
-        String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
-    for method in METHODS {
-        help += &format!("\n  {:<12} {}", method.name, method.summary);
-    }
-    help + "\n\n`umbravox methods NAME` lists the settings of a method."
+    let names = METHODS.iter().map(|method| method.name).join(", ");
+    format!(
+        "Shadow method and its settings, METHOD[:key=value,...]: {names}; `umbravox methods` describes them, and `umbravox \
+         methods METHOD` its settings [default: dsm]"
+    )
 }
 
 fn display<S: Serializer>(spec: &Option<MethodSpec>, serializer: S) -> std::result::Result<S::Ok, S::Error> {

@@ -18,8 +18,9 @@ pub struct StrandFlags {
     /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
     #[arg(long, value_name = "N", value_parser = values::resolution, allow_hyphen_values = true, help_heading = "Strands")]
     pub resolution: Option<usize>,
-    /// Kernel that distributes the length of strands over voxels [default: box]
-    #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands")]
+    /// Kernel that distributes the length of strands over voxels: box (the exact length in each voxel), or tent
+    /// (trilinear weights) [default: box]
+    #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands", hide_possible_values = true)]
     pub kernel: Option<Kernel>,
     /// Diameter of every strand, mm; wins over the file's, and is needed if the file has none [default: the file's]
     #[arg(long, value_name = "MM", value_parser = values::thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]

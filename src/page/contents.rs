@@ -171,7 +171,7 @@ impl<'a> Contents<'a> {
     }
 
     /// Appends bytes to the data of the page, and returns their offset; `None` if all are 0.
-    fn push(&mut self, bytes: &[u8]) -> Option<usize> {
+    pub fn push(&mut self, bytes: &[u8]) -> Option<usize> {
         if bytes.iter().all(|byte| *byte == 0) {
             return None;
         }

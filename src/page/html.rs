@@ -9,7 +9,8 @@ use base64::prelude::{BASE64_STANDARD, Engine as _};
 use maud::{Markup, PreEscaped, html};
 
 const STYLE: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
+/// Scripts in the order in which they need each other.
+const SCRIPTS: [&str; 3] = [include_str!("transfer.js"), include_str!("editor.js"), include_str!("page.js")];
 
 /// Texts of a page.
 #[derive(Debug, Clone, Default)]
@@ -33,6 +34,7 @@ pub fn html(texts: &PageTexts, rows: &[Compared], data: &[u8]) -> Result<String>
             canvas id="canvas" tabindex="0" aria-label="Picture of the scene" {}
             (controls())
         }
+        (editor())
         (table(rows))
         (stills(rows)?)
         section {
@@ -42,7 +44,7 @@ pub fn html(texts: &PageTexts, rows: &[Compared], data: &[u8]) -> Result<String>
     };
     let scripts = html! {
         script id="data" type="application/gzip;base64" { (PreEscaped(BASE64_STANDARD.encode(data))) }
-        script { (PreEscaped(SCRIPT)) }
+        @for script in SCRIPTS { script { (PreEscaped(script)) } }
     };
     Ok(document(&texts.title, STYLE, [main, scripts]))
 }
@@ -55,10 +57,25 @@ fn controls() -> Markup {
         ("+ -", "extinction of the transfer function"),
         ("1 to 9", "method"),
         ("D", "difference from the reference"),
-        ("R", "initial view and light"),
+        ("R", "initial view, light and transfer function"),
     ];
     html! {
         ul class="keys" { @for (key, action) in keys { li { kbd { (key) } " " (action) } } }
+    }
+}
+
+/// Returns the editor of the transfer function. It stays hidden if the page cannot edit the function.
+fn editor() -> Markup {
+    html! {
+        section id="function" hidden {
+            h2 { "Transfer function" }
+            svg id="curve" role="group" aria-label="Points of the transfer function" {}
+            p {
+                span id="axes" {} ". "
+                "Drag a point to move it, double-click to add one, right-click or press " kbd { "Delete" } " to remove one. "
+                button id="save" type="button" { "Save as file" }
+            }
+        }
     }
 }
 

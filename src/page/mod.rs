@@ -5,6 +5,7 @@
 
 mod build;
 mod contents;
+mod function;
 mod html;
 
 use crate::error::{Error, Result};
@@ -17,6 +18,8 @@ use build::{BuildRecord, map_record, recorded_maps};
 use contents::{Contents, UniformRecord};
 use flate2::Compression;
 use flate2::write::GzEncoder;
+pub use function::page_optimizations;
+use function::{FunctionRecord, function_record};
 use glam::DVec3;
 pub use html::{PageTexts, html};
 use serde::Serialize;
@@ -46,6 +49,8 @@ struct SpaceRecord {
     /// Corners of the convex hulls of all slices of active bricks in grid space, which a shadow map covers.
     hull: Vec<[f64; 3]>,
     min_spacing_mm: f64,
+    /// Number of voxels along each axis.
+    dims: [usize; 3],
     /// Corners of the box of active bricks (blocks of cells with extinction) in grid space, or of the volume if none is
     /// active.
     active: [[f64; 3]; 2],
@@ -110,12 +115,14 @@ struct PageRecord<'a> {
     /// Direction towards each directional light; `None` for a point light.
     lights: Vec<Option<[f64; 3]>>,
     space: SpaceRecord,
+    /// `None`: the page does not edit the transfer function.
+    function: Option<FunctionRecord>,
     uniforms: Uniforms,
     methods: Vec<MethodRecord>,
     contents: &'a Contents<'a>,
 }
 
-/// Returns the data of a page: a gzip file of the length of a JSON text as four bytes, the text, and the bytes of all
+/// Returns the data of a page. The session has the optimizations of [`page_optimizations`]. The data are a gzip file of the length of a JSON text as four bytes, the text, and the bytes of all
 /// resources from the next multiple of 16 bytes on.
 ///
 /// # Errors
@@ -130,6 +137,7 @@ pub fn page_data(session: &Session, methods: &[Box<dyn Method>], scene: &Scene) 
         records.push(method_record(&mut contents, method.as_ref(), &picture, (&maps, builds))?);
         pictures.push(picture);
     }
+    let function = function_record(&mut contents, session, scene);
     let toward = |light: Light| match light {
         Light::Directional { toward } => Some(toward.to_array()),
         Light::Point { .. } => None,
@@ -147,6 +155,7 @@ pub fn page_data(session: &Session, methods: &[Box<dyn Method>], scene: &Scene) 
         },
         lights: scene.shining().into_iter().map(|source| toward(source.light)).collect(),
         space: space_record(session),
+        function,
         uniforms: uniform_records(&contents, &pictures)?,
         methods: records,
         contents: &contents,
@@ -249,6 +258,7 @@ fn space_record(session: &Session) -> SpaceRecord {
         world_from_grid: grid_from_world.inverse().to_cols_array(),
         volume_center: (corners.iter().sum::<DVec3>() / 8.0).to_array(),
         min_spacing_mm: volume.min_spacing_mm(),
+        dims,
         hull: hull.iter().map(DVec3::to_array).collect(),
         active: active.map(|corner| corner.to_array()),
         brick_cells: BRICK_CELLS,

@@ -94,8 +94,10 @@ class Renderer {
     }));
     this.resources = contents.resources.map((resource) => this.create(resource));
     this.pipelines = new Map();
-    // Methods whose shadow maps are those of another light or extinction.
+    // Methods whose shadow maps are those of another light or transfer function.
     this.outdated = new Set();
+    // Bricks with extinction: corners in grid space, and with an edited function also distances and those at the surface.
+    this.active = { box: record.space.active, hull: record.space.hull };
     // Rows of tiles in a submission; follows the speed of the device.
     this.band = 8;
   }
@@ -216,6 +218,7 @@ class Renderer {
     projection.floats("pixels_per_tangent", size[1] * scale, size[1] * scale);
     projection.floats("size", size);
     projection.words("tiles", tiles);
+    if (this.active.outer) projection.words("bricks", this.active.outer.count);
     return projection;
   }
 
@@ -225,20 +228,22 @@ class Renderer {
     const { record, bytes } = this.bound(methods[0].field, 3);
     const brick = transformPoint(space.grid_from_world, point).map((x) => Math.floor(x / space.brick_cells));
     if (brick.some((x, i) => x < 0 || x >= record.size[i])) return false;
-    return bytes[(brick[2] * record.size[1] + brick[1]) * record.bytes_per_row + brick[0]] <= 1;
+    const distance = this.active.distance ?? bytes;
+    return distance[(brick[2] * record.size[1] + brick[1]) * record.size[0] + brick[0]] <= 1;
   }
 
-  // Sets the direction to a directional light (undefined: the light stays) and the factor of extinction. Methods with shadow
-  // maps then build them again.
-  setScene(number, toward, extinction) {
-    const scene = [toward, extinction].join();
+  // Sets the direction to a directional light (undefined: the light stays), the factor of extinction, and the points of the
+  // transfer function (undefined: the initial ones). Methods with shadow maps then build them again.
+  setScene(number, toward, extinction, points = this.record.function?.points) {
+    const { lights, methods } = this.record;
+    const [tables, scene] = [JSON.stringify([extinction, points]), JSON.stringify([extinction, points, toward])];
     if (scene === this.scene) return;
     if (this.scene !== undefined) {
-      if (toward) this.moveLight(number, toward);
-      this.scaleExtinction(extinction);
-      this.outdated = new Set(this.record.methods.filter(({ builds }) => builds.length > 0));
+      if (tables !== this.tables) points ? this.setFunction(points, extinction) : this.scaleExtinction(extinction);
+      lights.map((initial, i) => (i === number && toward) || initial).forEach((to, i) => to && this.moveLight(i, to));
+      this.outdated = new Set(methods.filter(({ builds }) => builds.length > 0));
     }
-    this.scene = scene;
+    Object.assign(this, { tables, scene });
   }
 
   // Writes the projections of a directional light; `toward` points to the light.
@@ -246,7 +251,7 @@ class Renderer {
     const { space, uniforms, methods } = this.record;
     if (!uniforms.light) return;
     const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
-      transformPoint(space.world_from_grid, [0, 1, 2].map((axis) => space.active[(i >> axis) & 1][axis])));
+      transformPoint(space.world_from_grid, [0, 1, 2].map((axis) => this.active.box[(i >> axis) & 1][axis])));
     const center = scaled(corners.reduce(add), 1 / 8);
     const h = scaled(unit(toward), -1);
     const a = orthonormal(h);
@@ -277,8 +282,8 @@ class Renderer {
 
   // Lays the texels of a shadow map over the active bricks, with a border of one texel.
   layOut(light, axes, center) {
-    const { world_from_grid, hull } = this.record.space;
-    const points = hull.map((corner) => sub(transformPoint(world_from_grid, corner), center));
+    const { world_from_grid } = this.record.space;
+    const points = this.active.hull.map((corner) => sub(transformPoint(world_from_grid, corner), center));
     const side = light.view.getUint32(light.offsets.map_size, true);
     const border = side < 8 ? 0 : 1;
     const layouts = axes.map((axis) => {
@@ -327,31 +332,83 @@ class Renderer {
       const words = Math.max(...limit.missing, limit.needed) + 1;
       const counters = new Uint32Array(await this.read(this.resources[limit.resource].buffer, 4 * words));
       if (limit.missing.some((i) => counters[i] > 0) || counters[limit.needed] > limit.most) {
-        throw new TooLarge(`The map of ${method.label} does not fit into its memory for this light and extinction.`);
+        throw new TooLarge(`The map of ${method.label} does not fit into its memory for this light and transfer function.`);
       }
     }
     this.outdated.delete(method);
   }
 
-  // Multiplies the extinction of the transfer function by a factor, in all lookup tables of bind group 0.
+  // Replaces the contents of a resource of bind group 0.
+  write(binding, data) {
+    const { buffer, texture, record: { size, bytes_per_row } } = this.bound(this.record.methods[0].field, binding);
+    const { queue } = this.device;
+    if (buffer) queue.writeBuffer(buffer, 0, data);
+    else queue.writeTexture({ texture }, data, { bytesPerRow: bytes_per_row, rowsPerImage: size[1] }, size);
+  }
+
+  // Writes the lookup tables of the transfer function with other points and a factor on its extinction, and finds the bricks
+  // with extinction again.
+  setFunction(points, factor) {
+    const { methods, uniforms, space, function: initial } = this.record;
+    const [field, distances, colors] = [0, 3, 5].map((binding) => this.bound(methods[0].field, binding));
+    const tables = new TransferFunction(initial, points, factor);
+    const count = distances.record.size.reduce((product, n) => product * n);
+    const ranges = this.contentsOf({ at: initial.brick_ranges, size: 16 * count });
+    const values = new Float64Array(ranges.buffer, ranges.byteOffset, 2 * count);
+    const bricks = activeBricks(tables.extinctionIntervals(), values.subarray(0, count), values.subarray(count), distances.record.size, space);
+    this.setActive(bricks);
+    const uniform = new Uniform(uniforms.field, field.bytes);
+    const [origin, width] = tables.binned();
+    const [first, last] = tables.extinctionRange();
+    uniform.words("intervals", tables.intervals.length);
+    uniform.floats("first_value", first);
+    uniform.floats("last_value", last);
+    uniform.floats("bin_origin", origin);
+    uniform.floats("bins_per_value", initial.value_bins / width);
+    if (tables.isOpacity) uniform.floats("inv_reference_length", 1 / tables.reference_length_mm);
+    const box = bricks.corners.length ? this.active.box : [[0, 0, 0], [0, 0, 0]];
+    ["active_lo", "active_hi"].forEach((name, end) => uniform.floats(name, box[end]));
+    const { integrals, extinction } = tables.integralTables();
+    this.write(0, uniform.bytes);
+    this.write(3, bricks.distance);
+    this.write(4, tables.intervalTable());
+    // With one colour, the table of its integrals is not read.
+    if (colors.record.size[0] > 1) this.write(5, integrals);
+    this.write(6, tables.pairTable());
+    this.write(8, extinction);
+  }
+
+  // Sets the bricks with extinction. Without any, shadow maps stay where they are.
+  setActive({ distance, outer, corners }) {
+    const extreme = (most) => [0, 1, 2].map((axis) => corners.reduce((x, corner) => most(x, corner[axis]), corners[0][axis]));
+    if (corners.length) this.active = { ...this.active, hull: corners, box: [extreme(Math.min), extreme(Math.max)] };
+    const groups = Math.ceil(outer.length / this.record.function.line_threads);
+    const rows = Math.max(Math.ceil(groups / 65535), 1);
+    const buffer = this.buffer(8 * outer.length);
+    this.device.queue.writeBuffer(buffer, 0, new Uint32Array(outer.flatMap(([x, y, z]) => [x | (y << 16), z])));
+    this.active.outer?.buffer.destroy();
+    const workgroups = [Math.ceil(groups / rows), rows, 1];
+    this.active = { ...this.active, distance, outer: { buffer, count: outer.length, workgroups } };
+  }
+
+  // Multiplies the extinction of a transfer function that cannot be edited, in all lookup tables of bind group 0.
   scaleExtinction(factor) {
     const { methods, uniforms } = this.record;
     const [field, intervals] = [0, 4].map((binding) => this.bound(methods[0].field, binding));
     const uniform = new Uniform(uniforms.field, field.bytes);
     const perLength = uniform.view.getFloat32(uniforms.field.offsets.inv_reference_length, true);
     uniform.floats("inv_reference_length", factor * perLength);
-    this.device.queue.writeBuffer(field.buffer, 0, uniform.bytes);
+    this.write(0, uniform.bytes);
     if (perLength === 0) {
       // Intervals hold extinction: start value, amount and slope of the amount.
       const amounts = new Float32Array(intervals.bytes.slice().buffer);
       const count = uniform.view.getUint32(uniforms.field.offsets.intervals, true);
       for (let i = 0; i < count; i++) [1, 2].forEach((at) => { amounts[4 * i + at] *= factor; });
-      this.device.queue.writeBuffer(intervals.buffer, 0, amounts);
+      this.write(4, amounts);
     }
     for (const binding of [5, 8]) {
-      const { texture, record: { size, bytes_per_row }, bytes } = this.bound(methods[0].field, binding);
-      const integrals = new Float32Array(bytes.slice().buffer).map((x) => factor * x);
-      this.device.queue.writeTexture({ texture }, integrals, { bytesPerRow: bytes_per_row, rowsPerImage: size[1] }, size);
+      const { bytes } = this.bound(methods[0].field, binding);
+      this.write(binding, new Float32Array(bytes.slice().buffer).map((x) => factor * x));
     }
   }
 
@@ -390,10 +447,12 @@ class Renderer {
     encoder.clearBuffer(target.depths);
     this.device.queue.submit([encoder.finish()]);
     this.device.queue.writeBuffer(target.depths, 0, head);
-    if (!project) return;
+    const { outer } = this.active;
+    if (!project || outer?.count === 0) return;
     this.device.queue.writeBuffer(target.projection, 0, this.projection(project.group, camera, target).bytes);
-    const groups = [this.bind(project.group, [target.projection, undefined, target.depths])];
-    this.run([{ pipeline: await this.pipeline(project.pipeline), groups, workgroups: project.workgroups }]);
+    const groups = [this.bind(project.group, [target.projection, outer?.buffer, target.depths])];
+    const { workgroups } = outer ?? project;
+    this.run([{ pipeline: await this.pipeline(project.pipeline), groups, workgroups }]);
   }
 
   // Casts the rays of some rows of tiles, in as many dispatches as they need.
@@ -507,6 +566,7 @@ class Page {
     // Pixels of a picture are this many times larger while camera or light move.
     this.coarseness = 8;
     this.number = 0;
+    if (record.function) this.editor = new FunctionEditor(record.function, this);
     this.reset();
     this.listen();
   }
@@ -517,16 +577,18 @@ class Page {
     this.resetShadows();
   }
 
-  // Returns to the light and the extinction of the shadow maps.
+  // Returns to the light and the transfer function of the shadow maps.
   resetShadows() {
     this.toward = this.record.lights[this.light];
     this.extinction = 1;
+    this.points = this.record.function?.points;
+    this.editor?.show();
     this.notice = "";
     this.edited = false;
   }
 
-  // Changes to the reference if the page cannot build the map of the present method for another light or extinction. Returns
-  // whether the method follows them.
+  // Changes to the reference if the page cannot build the map of the present method for another light or transfer function.
+  // Returns whether the method follows them.
   edit() {
     if (!this.method.follows_light && this.reference >= 0) this.number = this.reference;
     this.edited ||= this.method.follows_light;
@@ -563,6 +625,12 @@ class Page {
       if (key === "d" || key === "D") this.toggleDifference();
       if (key === "r" || key === "R") { this.reset(); this.changed(); }
     });
+  }
+
+  // Sets the points of the transfer function.
+  setPoints(points) {
+    if (this.edit()) this.points = points;
+    this.changed();
   }
 
   choose(number) {
@@ -605,14 +673,14 @@ class Page {
   async drawAll() {
     while (this.wanted && !failed) {
       this.wanted = false;
-      this.renderer.setScene(this.light, this.toward, this.extinction);
+      this.renderer.setScene(this.light, this.toward, this.extinction, this.points);
       const { coarseness } = this;
       try {
         await this.drawAt(coarseness, false);
         if (!this.wanted && coarseness > 1) await this.drawAt(1, true);
       } catch (error) {
         if (!(error instanceof TooLarge)) throw error;
-        if (this.reference < 0) return setStatus(`${error.message} R returns to the initial light.`);
+        if (this.reference < 0) return setStatus(`${error.message} R returns to the initial light and transfer function.`);
         this.notice = error.message;
         this.number = this.reference;
         this.wanted = true;
@@ -659,7 +727,8 @@ class Page {
         `largest ${error.largest.toExponential(1)}; white is ${BRIGHTEST} or more`);
     }
     if (this.extinction !== 1) parts.push(`extinction x ${this.extinction.toPrecision(3)}`);
-    if (this.edited) parts.push("R returns to the light and the extinction of the table");
+    if (this.points !== this.record.function?.points) parts.push("edited transfer function");
+    if (this.edited) parts.push("R returns to the light and the transfer function of the table");
     setStatus(parts.join(". "));
     document.documentElement.dataset.drawn = `${number} ${isPreview ? "preview" : "whole"}`;
   }

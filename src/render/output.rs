@@ -18,6 +18,9 @@ pub(super) trait Output {
         Ok(None)
     }
 
+    /// Receives the share of the picture that is drawn (0 to 1), between the passes of a band.
+    fn advanced(&mut self, _share: f32) {}
+
     /// Processes a band that is finished on the device. If it returns `false`, the drawing stops.
     fn finished(&mut self, band: &Band<'_>) -> Result<bool>;
 }
@@ -30,7 +33,8 @@ pub(super) struct OutputPass {
     pub workgroups: [u32; 3],
 }
 
-/// Output of a picture to host memory. `go_on` receives the finished share of the picture, and may stop the drawing.
+/// Output of a picture to host memory. `go_on` receives the share of the picture that is drawn, and may stop
+/// the drawing after a band.
 pub(super) struct ToHost<'a, G: FnMut(f32) -> bool> {
     pub gpu: &'a Gpu,
     pub pixels: Vec<f32>,
@@ -39,6 +43,11 @@ pub(super) struct ToHost<'a, G: FnMut(f32) -> bool> {
 }
 
 impl<G: FnMut(f32) -> bool> Output for ToHost<'_, G> {
+    fn advanced(&mut self, share: f32) {
+        // The drawing stops between bands only.
+        let _ = (self.go_on)(share);
+    }
+
     fn finished(&mut self, band: &Band<'_>) -> Result<bool> {
         let [width, height] = self.size;
         self.pixels.extend(read_back::<f32>(self.gpu, band.buffer, band.rows as usize * width * 4)?);

@@ -54,8 +54,8 @@ impl Renderer {
     }
 
     /// Renders a picture of a scene in submissions of about `submission_ms` each, so that other threads can use the
-    /// device in between. After each band of rows, `go_on` receives the finished share of the picture (0 to 1). If it
-    /// returns `false`, rendering stops and returns `None`.
+    /// device in between. `go_on` receives the share of the picture that is drawn (0 to 1), after each pass over a band of
+    /// rows. If it returns `false` after a band, rendering stops and returns `None`.
     ///
     /// # Errors
     /// The adapter cannot hold the picture, the numbers of lights and shadow maps differ, or the device is lost.
@@ -135,9 +135,13 @@ impl Renderer {
             };
             let band = Band { buffer: &buffer, first_row, rows };
             let after = output.pass(&band)?;
-            if !self.cast_band(&caster, &band, (pixels, pacing), after.as_ref(), &mut span)?
-                || !output.finished(&band)?
-            {
+            let mut advanced = |share: f32| {
+                output.advanced((first_row as f32 + share * rows as f32) / height as f32);
+            };
+            let after = after.as_ref();
+            let is_drawn =
+                self.cast_band(&caster, &band, (pixels, pacing), after, &mut span, &mut advanced)?;
+            if !is_drawn || !output.finished(&band)? {
                 return Ok(None);
             }
             first_row += rows;
@@ -218,7 +222,8 @@ impl Renderer {
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
-    /// `pixels` pixels. The last one also runs `after`. Returns `false` if `pacing` stopped the drawing.
+    /// `pixels` pixels. The last one also runs `after`. `advanced` receives the share of the band that is drawn. Returns
+    /// `false` if `pacing` stopped the drawing.
     fn cast_band(
         &self,
         caster: &Caster<'_>,
@@ -226,6 +231,7 @@ impl Renderer {
         (pixels, pacing): (u32, &mut dyn Pacing),
         after: Option<&OutputPass>,
         span: &mut Span,
+        advanced: &mut dyn FnMut(f32),
     ) -> Result<bool> {
         let width = caster.scene.width;
         // Number of unfinished pixels and padding, then the progress of each pixel: sample, light there, last two values.
@@ -262,8 +268,13 @@ impl Renderer {
                 let left_out = if i == 0 { tiles.left_out } else { 0 };
                 let is_last = i + 1 == caster.passes.len() && first_column + columns >= width;
                 let after = after.filter(|_| is_last);
-                let took =
-                    self.cast_part(caster, pass, (&stages, &progress), [left_out, tiles.cast], after)?;
+                let mut advanced = |unfinished: u32| {
+                    let share = 1.0 - unfinished as f32 / (columns * rows) as f32;
+                    let passes = (i as f32 + share) / caster.passes.len() as f32;
+                    advanced((first_column as f32 + passes * columns as f32) / width as f32);
+                };
+                let tiles = [left_out, tiles.cast];
+                let took = self.cast_part(caster, pass, (&stages, &progress), tiles, after, &mut advanced)?;
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
             if let Some(took) = part {
@@ -277,7 +288,8 @@ impl Renderer {
 
     /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `stages` are
     /// the groups 2 of the sections of the volume, or of the whole volume. `tiles` holds the number of picture tiles
-    /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission.
+    /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission. `advanced`
+    /// receives the number of unfinished pixels after each dispatch.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -285,6 +297,7 @@ impl Renderer {
         (stages, progress): (&[Group], &wgpu::Buffer),
         tiles: [u32; 2],
         after: Option<&OutputPass>,
+        advanced: &mut dyn FnMut(u32),
     ) -> Result<Span> {
         let shared = [caster.transfer.group(), &pass.group];
         let groups = section_groups(pass.sections, shared, stages, caster.mesh.as_ref());
@@ -322,7 +335,9 @@ impl Renderer {
             fill.workgroups = [0; 3];
             let so_far = part.map_or(took, |s| s.plus(took));
             part = Some(so_far);
-            if !pass.resumable || words[0][0] == 0 {
+            let unfinished = if pass.resumable { words[0][0] } else { 0 };
+            advanced(unfinished);
+            if unfinished == 0 {
                 return Ok(so_far);
             }
             self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());

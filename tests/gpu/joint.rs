@@ -1,7 +1,7 @@
 //! Shadow maps that are built in the submission of the picture, as in a window on a graphics card.
 
 use super::*;
-use umbravox::engine::{CachedSession, MapCoverage, ReusePolicy, ShadowCache, Work};
+use umbravox::engine::{Building, CachedSession, MapCoverage, ReusePolicy, ShadowCache, Work};
 use umbravox::field::DeferredPasses;
 use umbravox::gpu::read_back;
 use umbravox::render::{DisplayTexture, LightMaps, Pace, Screen};
@@ -44,7 +44,8 @@ fn draw(session: &mut CachedSession, method: &str, scene: &Scene, target: &Displ
     let method = shadow::parse(method).unwrap();
     let (deferred, extent) = (DeferredPasses::default(), (scene, MapCoverage::Picture));
     let mut work = Work::default();
-    let made = session.prepare_with(method.as_ref(), extent, &mut work, Some(&deferred)).unwrap();
+    let building = Building { deferred: Some(&deferred), watch: None };
+    let made = session.prepare_with(method.as_ref(), extent, &mut work, building).unwrap();
     let shadows = LightMaps::from(made.shadows).after(&deferred);
     let mut pace = Pace::new(f64::INFINITY);
     let screen = Screen { target, pace: &mut pace };
@@ -148,7 +149,8 @@ fn a_map_whose_picture_is_not_drawn_is_discarded() {
     let (method, scene) = (shadow::parse("osm:map=32").unwrap(), scene_at(&volume, 0.0));
     let extent = (&scene, MapCoverage::Picture);
     let deferred = DeferredPasses::default();
-    session.prepare_with(method.as_ref(), extent, &mut Work::default(), Some(&deferred)).unwrap();
+    let building = Building { deferred: Some(&deferred), watch: None };
+    session.prepare_with(method.as_ref(), extent, &mut Work::default(), building).unwrap();
     assert!(!deferred.is_empty());
     let mut work = Work::default();
     session.prepare(method.as_ref(), extent, &mut work).unwrap();

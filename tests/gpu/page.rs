@@ -12,7 +12,8 @@ use umbravox::shadow::METHODS;
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
 /// Script that draws the picture of every method, from the first view, then with a light that was moved twice, and with twice the
-/// extinction where the page can, again with the initial light, and from inside the volume. It posts the pixels.
+/// extinction where the page can, again with the initial light, and from inside the volume. Where the page can, it edits the
+/// points of the transfer function with the pointer, and draws under a moved light. It posts the pixels.
 const SCRIPT: &str = r#"
 (async () => {
   const post = (path, body) => fetch(path, { method: "POST", body });
@@ -21,8 +22,8 @@ const SCRIPT: &str = r#"
     await page.drawing;
     const { renderer, record } = page;
     for (let i = 0; i < record.methods.length; i++) await post(`/${i}`, await renderer.pixels(i));
-    const draw = async (name, toward, extinction) => {
-      renderer.setScene(page.light, toward, extinction);
+    const draw = async (name, toward, extinction, points) => {
+      renderer.setScene(page.light, toward, extinction, points);
       for (const [i, { follows_light }] of record.methods.entries()) {
         if (follows_light) await post(`/${name}-${i}`, await renderer.pixels(i));
       }
@@ -38,6 +39,36 @@ const SCRIPT: &str = r#"
     await post("/again", await renderer.pixels(1));
     const { eye, target } = record.camera;
     await post("/inside", await renderer.pixels(0, { ...record.camera, eye: target, target: eye }));
+    if (page.editor) {
+      const { editor } = page;
+      const box = editor.svg.getBoundingClientRect();
+      const send = (type, target, [x, y], button = 0) => target.dispatchEvent(new PointerEvent(type, { bubbles: true,
+        button, clientX: box.left + x * box.width, clientY: box.top + y * box.height }));
+      const counts = [page.points.length];
+      // A faint point at low values, where bricks were empty; a point that moves up; one that is removed.
+      send("dblclick", editor.svg, [0.12, 0.88]);
+      counts.push(page.points.length);
+      const last = editor.svg.querySelectorAll("circle")[page.points.length - 2];
+      send("pointerdown", last, [0, 0]);
+      send("pointermove", window, [0.6, 0.5]);
+      send("pointerup", window, [0.6, 0.5]);
+      send("pointermove", window, [0.1, 0.1]);
+      if (page.points.length > 3) send("contextmenu", editor.svg.querySelectorAll("circle")[2], [0, 0], 2);
+      counts.push(page.points.length);
+      while (page.drawing) await page.drawing;
+      const active = (distances) => distances.filter((distance) => distance === 0).length;
+      await post("/counts", counts.join());
+      await post("/active", [active(renderer.bound(record.methods[0].field, 3).bytes), active(renderer.active.distance)].join());
+      await post("/function", editor.text());
+      await draw("edited", page.light < 0 ? undefined : [0.3, 0.8, 0.5], 1, page.points);
+      const { points } = page;
+      page.reset();
+      // Without extinction, the background remains.
+      renderer.setScene(page.light, page.toward, 1, points.map((point) => ({ ...point, amount: 0 })));
+      await post("/empty", await renderer.pixels(0));
+      renderer.setScene(page.light, page.toward, 1);
+      await post("/undone", await renderer.pixels(1));
+    }
     await post("/camera", JSON.stringify({ eye: eye.join(), target: target.join() }));
     page.choose(1);
     page.toggleDifference();
@@ -61,9 +92,17 @@ fn on_swiftshader(folder: &Path, args: &[&str]) {
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
+fn pixels(answer: &[u8]) -> Vec<f32> {
+    answer.chunks(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect()
+}
+
+fn numbers(answer: &[u8]) -> Vec<usize> {
+    String::from_utf8_lossy(answer).split(',').map(|number| number.parse().unwrap()).collect()
+}
+
 fn rms(page: &[u8], file: &Path) -> f64 {
     let picture: ndarray::Array3<f32> = ndarray_npy::read_npy(file).unwrap();
-    let page: Vec<f32> = page.chunks(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect();
+    let page = pixels(page);
     assert_eq!(page.len(), picture.len());
     let squares = page.iter().zip(&picture).map(|(a, b)| f64::from(a - b).powi(2));
     (squares.sum::<f64>() / page.len() as f64).sqrt()
@@ -88,13 +127,32 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
         .replace("default-src 'none'", "default-src 'none'; connect-src 'self'")
         .replace("</body>", &format!("<script>{SCRIPT}</script></body>"));
     let answers = answers(page, &HashMap::new())?;
+    // Scene with the function that the page edited.
+    let mut edited_scene = scene.to_vec();
+    if let (Some(function), Some(tf)) =
+        (answers.get("function"), scene.iter().position(|flag| *flag == "--tf"))
+    {
+        std::fs::write(folder.join("function.json"), function).unwrap();
+        edited_scene[tf + 1] = "function.json";
+        let counts: Vec<usize> = numbers(&answers["counts"]);
+        assert!(counts[1] == counts[0] + 1 && counts[2] <= counts[1], "{counts:?}");
+        let active: Vec<usize> = numbers(&answers["active"]);
+        println!("{scene:?}: {active:?} active bricks before and after the edit");
+        assert!(active[1] > active[0] || !scene[0].starts_with("phantom:thorax"), "{active:?}");
+        assert!(pixels(&answers["empty"]).chunks(4).all(|pixel| pixel[3] == 0.0), "nothing is left");
+    }
     let compare = |answer: &str, arguments: &[&str]| {
         let scale = if answer.starts_with("denser") { "2" } else { "1" };
-        run("render", scale, &[arguments, &["-o", "picture.npy"]].concat());
+        let scene = if answer.starts_with("edited") { &edited_scene[..] } else { scene };
+        let arguments =
+            [&["render", "--opacity-scale", scale], scene, arguments, &["-o", "picture.npy"]].concat();
+        on_swiftshader(folder, &arguments);
         let off = rms(&answers[answer], &folder.join("picture.npy"));
         println!("{scene:?} {answer} {arguments:?}: rms {off:.1e}");
         assert!(off < 1e-5, "{scene:?} {answer} {arguments:?}: rms {off:e}");
     };
+    let camera: HashMap<String, String> = serde_json::from_slice(&answers["camera"]).unwrap();
+    let [eye, target] = ["eye", "target"].map(|end| camera[end].as_str());
     let mut moved = 0;
     for (i, method) in methods.split(';').enumerate() {
         // Maps of a page are valid in all views.
@@ -106,8 +164,16 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
         compare(&i.to_string(), &["--shadow", &method]);
         if i == 1 {
             compare("again", &["--shadow", &method]);
+            if answers.contains_key("undone") {
+                compare("undone", &["--shadow", &method]);
+            }
         }
-        let [light, denser] = ["light", "denser"].map(|name| format!("{name}-{i}"));
+        let [light, denser, edited] = ["light", "denser", "edited"].map(|name| format!("{name}-{i}"));
+        if answers.contains_key(&edited) {
+            // The camera of the page stays, and that of the program would frame what has become visible.
+            let camera = ["--eye", eye, "--target", target];
+            compare(&edited, &[&["--shadow", &method, "--light", "dir:0.3,0.8,0.5"][..], &camera].concat());
+        }
         if answers.contains_key(&light) && !scene.contains(&"--light") {
             compare(&light, &["--shadow", &method, "--light", "dir:0.3,0.8,0.5"]);
             moved += 1;
@@ -117,8 +183,6 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
         }
     }
     let first = methods.split(';').next().unwrap();
-    let camera: HashMap<String, String> = serde_json::from_slice(&answers["camera"]).unwrap();
-    let [eye, target] = ["eye", "target"].map(|end| camera[end].as_str());
     compare("inside", &["--shadow", first, "--eye", target, "--target", eye]);
     let status = String::from_utf8_lossy(&answers["status"]).into_owned();
     // Without shadows there is no reference.

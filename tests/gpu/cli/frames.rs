@@ -178,6 +178,29 @@ fn pictures_of_a_time_series_are_those_of_its_frames() {
 }
 
 #[test]
+fn warnings_about_later_frames_are_printed_once() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    // Frames of 4 x 4 x 4 voxels: the first is whole, the others have 1, 2 and 2 voxels without a value.
+    let mut voxels = ndarray::Array4::from_shape_fn((4, 4, 4, 4), |(_, z, y, x)| (x + y + z) as f32);
+    for (frame, count) in [(1, 1), (2, 2), (3, 2)] {
+        (0..count).for_each(|x| voxels[[frame, 0, 0, x]] = f32::NAN);
+    }
+    ndarray_npy::write_npy(dir.path().join("series.npy"), &voxels).unwrap();
+    let line = ["render", "series.npy", "--tf=uniform", "--size=8x8", "--frames=all", "-o", "t.png"];
+    let output = umbravox(dir.path(), &line);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    let warnings: Vec<_> = stderr.lines().filter(|line| line.starts_with("warning: ")).collect();
+    let beginnings = ["warning: no --spacing", "warning: frame 1: 1 voxels", "warning: frame 2: 2 voxels"];
+    assert_eq!(warnings.len(), beginnings.len(), "{stderr}");
+    assert!(warnings.iter().zip(beginnings).all(|(line, begin)| line.starts_with(begin)), "{stderr}");
+    assert!(!stderr.contains("progress:"), "a quick command writes no lines: {stderr}");
+}
+
+#[test]
 fn a_map_that_follows_the_view_is_built_for_each() {
     if !common::has_adapter() {
         return;

@@ -70,8 +70,22 @@ fn help_of_the_drawing_commands_shows_every_flag_and_its_default() {
             assert!(help.contains(flag), "{command}: no {flag}");
         }
         for preset in umbravox::transfer::presets::PRESETS {
-            assert!(help.contains(preset.about), "{command}: preset {}", preset.name);
+            assert!(help.contains(preset.name), "{command}: preset {}", preset.name);
+            assert!(stdout(&["tf", "list"]).contains(preset.about), "{}", preset.name);
         }
+        for method in umbravox::shadow::METHODS {
+            assert!(help.contains(method.name), "{command}: method {}", method.name);
+        }
+    }
+}
+
+#[test]
+fn help_of_the_drawing_commands_fits_few_screens() {
+    for (command, most) in [("render", 150), ("view", 120), ("compare", 165), ("export", 130), ("probe", 145)]
+    {
+        let lines = stdout(&[command, "--help"]).lines().count();
+        assert!(lines <= most, "{command}: {lines} lines");
+        assert_eq!(stdout(&[command, "-h"]), stdout(&[command, "--help"]), "{command}");
     }
 }
 
@@ -143,6 +157,11 @@ fn bad_command_lines_are_one_error_line_that_names_the_flag() {
         (&["probe", "--rays", "a", "--points", "b"], "--rays", "cannot be used with"),
         (&["compare", "-o", "d", "--repeats", "0"], "--repeats", "1..=1000"),
         (&["compare", "phantom:slab:8", "-o", "d", "--methods", "none;;rays"], "--methods", "NAME"),
+        (
+            &["compare", "--scene", "-", "--scene", "-", "-o", "d"],
+            "--scene -",
+            "standard input holds one scene",
+        ),
         (&["compare", "phantom:slab:8", "-o", "d", "--methods", "dsm:0.02"], "--methods", "no key before it"),
         (&["phantom", "sfere", "-o", "a.nii"], "phantom:sfere", "no phantom"),
         (&["phantom", "sphere:0", "-o", "a.nii"], "phantom:sphere:0", "size"),
