@@ -19,7 +19,8 @@
 #ifdef RESUMABLE
 #import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
 #endif
-#import umbravox::labels::CUTS_BY_LABEL
+#import umbravox::gradient_opacity::{next_cell_part, most_cell_parts}
+#import umbravox::labels::{CUTS_BY_LABEL, shifted_value}
 #import umbravox::between_samples::{crosses_surface, find_surface}
 #import umbravox::transfer::{color_integral_at, mean_color}
 #import umbravox::watch::report_iteration_limit
@@ -153,6 +154,26 @@ fn mean_over_halves(a: f32, middle: f32, b: f32) -> vec4<f32> {
 }
 #endif
 
+#ifdef GRADIENT_OPACITY
+// Returns mean extinction and colour between two depths, cell by cell. `shift` is that of the label there.
+fn mean_over_cells(ray: Ray, from_mm: f32, to_mm: f32, shift: f32) -> vec4<f32> {
+    var sum = vec4<f32>(0.0);
+    var at = from_mm;
+    var parts_left = most_cell_parts(ray.d, to_mm - from_mm);
+    loop {
+        let part = next_cell_part(ray.o, ray.d, ray.inv_d, at, to_mm);
+        let middle = shifted_value(part.values.y, shift);
+        let first = part.factors.x * mean_over(shifted_value(part.values.x, shift), middle);
+        let second = part.factors.y * mean_over(middle, shifted_value(part.values.z, shift));
+        sum += 0.5 * (part.end - at) * (first + second);
+        at = part.end;
+        parts_left -= 1u;
+        if at >= to_mm || parts_left == 0u { break; }
+    }
+    return sum / max(to_mm - from_mm, 1e-30);
+}
+#endif
+
 // Returns the next part, at most `part_mm` long, of the segment that the march has hit.
 fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let begin = march.segment_start;
@@ -173,12 +194,20 @@ fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let refined = frame.shading_weight > 0.0;
     let sample = labeled_value_at(ray.o + select(0.5 * (begin + end), end, inner) * ray.d);
     let end_value = select(linear, sample, inner && refined);
+#ifdef GRADIENT_OPACITY
+    let mean = mean_over_cells(ray, begin, end, march.shift);
+#else
     let middle = select(0.5 * (begin_value + end_value), sample, !inner);
     var mean = vec4<f32>(0.0);
     if refined { mean = mean_over_halves(begin_value, middle, end_value); } else { mean = mean_over(begin_value, end_value); }
+#endif
     return Part(end, end_value, mean);
 #else
+#ifdef GRADIENT_OPACITY
+    return Part(end, linear, mean_over_cells(ray, begin, end, march.shift));
+#else
     return Part(end, linear, mean_over(begin_value, linear));
+#endif
 #endif
 }
 

@@ -22,6 +22,7 @@ mod filters;
 mod folded;
 mod forced;
 mod golden;
+mod gradient_opacity;
 mod invariance;
 mod joint;
 mod kajiya_kay;
