@@ -57,6 +57,24 @@ def test_an_even_medium_has_its_closed_form():
     assert scene.transmittance([4.0, 8.0, 0.0], "exact") == pytest.approx([np.exp(-0.02 * 28.5)], rel=1e-12)
 
 
+def test_a_gradient_opacity_has_its_closed_form(adapter):
+    # The value rises by 1.5 per mm between the first and the last voxel centre along x, and is constant beyond.
+    voxels = 3.0 * np.indices((12, 6, 6))[0]
+    even = {**FUNCTION, "points": [{"value": 0, "extinction": 0.02, "color": "#ffffff"}]}
+    scene = uv.Scene(voxels, spacing=(2, 1, 1), tf=even, light="dir:1,0,0", gradient_opacity="0:0,3:1")
+    depth = scene.optical_depth([-100.0, 2.5, 2.5], [100.0, 2.5, 2.5])
+    assert depth == pytest.approx([0.5 * 0.02 * 22], rel=1e-12)
+    assert scene.transfer_function()["gradient_opacity"] == [{"gradient": 0, "factor": 0}, {"gradient": 3, "factor": 1}]
+    starts = np.array([[4.0, 2.5, 2.5], [20.0, 1.25, 3.5]])
+    exact = np.exp(-0.5 * 0.02 * (22 - starts[:, 0]))
+    assert scene.transmittance(starts, "exact") == pytest.approx(exact, rel=1e-12)
+    assert scene.transmittance(starts, "rays") == pytest.approx(exact, abs=1e-5)
+    whole = scene.optical_depth([-100.0, 2.5, 2.5], [100.0, 2.5, 2.5], gradient_opacity="none")
+    assert whole == pytest.approx([0.02 * 24], rel=1e-12)
+    with pytest.raises(uv.InputError, match="list of GRADIENT:FACTOR"):
+        scene.render(gradient_opacity="5")
+
+
 def test_methods_answer_as_they_promise(scene, adapter):
     points = segments(5, 400, small()[1], small()[0].shape)[0]
     exact = scene.transmittance(points, "exact")

@@ -72,6 +72,7 @@ class SceneArguments(TypedDict, total=False):
     name: str | None
     tf: _Path | dict[str, Any] | None
     opacity_scale: float | str | None
+    gradient_opacity: str | None
     units: str | None
     shadow: str | None
     size: str | Sequence[int] | NDArray[Any] | None

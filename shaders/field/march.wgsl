@@ -23,6 +23,7 @@
 
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, ordinates_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
+#import umbravox::gradient_opacity::gradient_factors
 #import umbravox::labels::{label_shift, shifted_cubic, label_borders, next_label_border, UNKNOWN_SHIFT, CUTS_BY_LABEL}
 #import umbravox::tuning::LIGHT_STEPS_TOGETHER
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
@@ -162,6 +163,12 @@ struct CellMarch {
     shift: f32,
     // Number of pieces into which the cell may still be cut.
     pieces_left: u32,
+#ifdef GRADIENT_OPACITY
+    // Start of the chord in the cell, its end minus its start, and -1 along mirrored axes, else 1.
+    chord_start: vec3<f32>,
+    chord_vector: vec3<f32>,
+    sense: vec3<f32>,
+#endif
 }
 
 // Stretch of a chord on which the transfer function's amount is a linear function of a monotone cubic.
@@ -209,6 +216,9 @@ fn start_cells(ray: AscendingRay) -> CellMarch {
     march.cells_left = top.x + top.y + top.z + 3;
     march.along = vec3<bool>(false, false, true);
     march.u = 1.0;
+#ifdef GRADIENT_OPACITY
+    march.sense = vec3<f32>(ray.sense);
+#endif
     return march;
 }
 
@@ -218,6 +228,10 @@ fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>,
     let f = clamp(ray.ascending_o + (*march).z * ray.ascending_d - corner, vec3<f32>(0.0), vec3<f32>(1.0));
     let e = clamp(p - corner, vec3<f32>(0.0), vec3<f32>(1.0)) - f;
     (*march).c = chord_cubic((*march).values, f, e);
+#ifdef GRADIENT_OPACITY
+    (*march).chord_start = f;
+    (*march).chord_vector = e;
+#endif
     (*march).chord_z = (*march).z;
     (*march).chord_mm = exit - (*march).z;
     (*march).u = 0.0;
@@ -356,7 +370,15 @@ fn take_piece(sink: ptr<function, Sink>, march: ptr<function, CellMarch>, stretc
     let h = piece_end - u;
     let at = u + h * GAUSS_POINTS;
     let c = stretch.shown;
-    let mean = dot(GAUSS_WEIGHTS, extinction_in(stretch.j, c.x + at * (c.y + at * (c.z + at * c.w))));
+    let extinctions = extinction_in(stretch.j, c.x + at * (c.y + at * (c.z + at * c.w)));
+#ifdef GRADIENT_OPACITY
+    let f = (*march).chord_start;
+    let e = (*march).chord_vector;
+    let factors = gradient_factors((*march).values, f.x + at * e.x, f.y + at * e.y, f.z + at * e.z, (*march).sense);
+    let mean = dot(GAUSS_WEIGHTS, extinctions * factors);
+#else
+    let mean = dot(GAUSS_WEIGHTS, extinctions);
+#endif
     (*march).u = piece_end;
     (*march).pieces_left -= 1u;
     count_work(PIECES, 1u);

@@ -7,6 +7,7 @@
 #define_import_path umbravox::march
 
 #import umbravox::field::field
+#import umbravox::gradient_depth::gradient_depth
 #import umbravox::labels::clamped_value
 #import umbravox::ray_march::{ray_through, start_march, advance, skip_search, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
 #import umbravox::transfer::{integral_at, mean_between}
@@ -49,7 +50,11 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let last = start + 1.5 * piece_mm > end || start + piece_mm <= start;
             let to = select(start + piece_mm, end, last);
             let value = select(mix(a, b, piece_mm / max(end - start, 1e-30)), b, last);
+#ifdef GRADIENT_OPACITY
+            done = sink_piece(sink, start, to, gradient_depth(ray.o, ray.d, ray.inv_d, start, to, state.shift));
+#else
             done = sink_piece(sink, start, to, mean_between(a, value, at_a, integral_at(value)) * (to - start));
+#endif
             state.segment_start = to;
             state.segment_value = value;
             state.hit = !last;

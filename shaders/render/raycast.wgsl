@@ -27,7 +27,14 @@
 #endif
 #import umbravox::labels::CUTS_BY_LABEL
 #import umbravox::between_samples::{crosses_surface, find_surface}
-#import umbravox::transfer::{color_integral_at, mean_color}
+#ifdef GRADIENT_OPACITY
+#import umbravox::segment_mean::mean_over_cells
+#else
+#import umbravox::segment_mean::mean_over
+#ifdef SHADING
+#import umbravox::segment_mean::mean_over_halves
+#endif
+#endif
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, add_divergence, add_work, LOOKUPS}
 #import umbravox::tuning::EYE_STEPS_TOGETHER
@@ -145,20 +152,6 @@ struct Part {
     mean: vec4<f32>,
 }
 
-// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) for values that are linear from a to b.
-fn mean_over(a: f32, b: f32) -> vec4<f32> {
-    return mean_color(a, b, color_integral_at(a), color_integral_at(b));
-}
-
-#ifdef SHADING
-// Returns mean extinction and colour over two halves, with values linear from a to `middle` and on to b.
-fn mean_over_halves(a: f32, middle: f32, b: f32) -> vec4<f32> {
-    let integral = color_integral_at(middle);
-    let first = mean_color(a, middle, color_integral_at(a), integral);
-    return 0.5 * (first + mean_color(middle, b, integral, color_integral_at(b)));
-}
-#endif
-
 // Returns the next part, at most `part_mm` long, of the segment that the march has hit.
 fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let begin = march.segment_start;
@@ -179,12 +172,20 @@ fn next_part(march: RayMarch, part_mm: f32, ray: Ray) -> Part {
     let refined = frame.shading_weight > 0.0;
     let sample = labeled_value_at(ray.o + select(0.5 * (begin + end), end, inner) * ray.d);
     let end_value = select(linear, sample, inner && refined);
+#ifdef GRADIENT_OPACITY
+    let mean = mean_over_cells(ray, begin, end, march.shift);
+#else
     let middle = select(0.5 * (begin_value + end_value), sample, !inner);
     var mean = vec4<f32>(0.0);
     if refined { mean = mean_over_halves(begin_value, middle, end_value); } else { mean = mean_over(begin_value, end_value); }
+#endif
     return Part(end, end_value, mean);
 #else
+#ifdef GRADIENT_OPACITY
+    return Part(end, linear, mean_over_cells(ray, begin, end, march.shift));
+#else
     return Part(end, linear, mean_over(begin_value, linear));
+#endif
 #endif
 }
 

@@ -16,6 +16,7 @@
 #import umbravox::method::transmittance as method_transmittance
 #endif
 #import umbravox::field::{field, value_at, safe_inverse, box_span, clipped_span}
+#import umbravox::gradient_depth::gradient_depth
 #import umbravox::labels::{label_shift, shifted_value, clamped_value, is_hidden}
 #import umbravox::light::{light, toward_light}
 #import umbravox::transfer::{integral_at, mean_between}
@@ -56,6 +57,9 @@ fn near_depth(g: vec3<f32>, d: vec3<f32>, z_end: f32) -> f32 {
         let shift = label_shift(g + 0.5 * (behind + ahead) * d);
         let next = value_at(g + ahead * d);
         let visible = min(last, next) < field.last_value && max(last, next) > field.first_value && !is_hidden(shift);
+#ifdef GRADIENT_OPACITY
+        let depth = gradient_depth(g, d, inv_d, behind, ahead, shift);
+#else
         // Part of the step whose values may have extinction.
         let value_a = shifted_value(last, shift);
         let value_b = shifted_value(next, shift);
@@ -64,6 +68,7 @@ fn near_depth(g: vec3<f32>, d: vec3<f32>, z_end: f32) -> f32 {
         let mm_a_value = step / select(value_b - value_a, 1.0, value_b == value_a);
         let part_mm = max(step - (a - value_a) * mm_a_value - (value_b - b) * mm_a_value, 0.0);
         let depth = mean_between(a, b, integral_at(a), integral_at(b)) * part_mm;
+#endif
         sum += select(0.0, depth, visible);
         last = next;
         behind = ahead;

@@ -247,6 +247,7 @@ impl Document {
         let settings = SceneSettings {
             tf: Some(tf.to_owned()),
             opacity_scale,
+            gradient_opacity: self.tf.gradient_opacity.clone(),
             units: self.suiting.units,
             shadow: Some(self.method.clone()),
             masking: self.part_flags(),

@@ -19,6 +19,7 @@ use crate::report::make::scene_name;
 use crate::report::mitsuba::{GridError, SCENE_FILE, write_mitsuba};
 use crate::scene::LightSource;
 use crate::shadow::{Method, parse_distinct};
+use crate::transfer::GradientOpacity;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -122,13 +123,15 @@ pub struct Page {
 /// Measures the errors of methods from [`page_methods`], and returns the page of a scene.
 ///
 /// # Errors
-/// The device cannot hold the scene or a shadow map, the page is too large, or the user interrupted it.
+/// There is a gradient opacity, the device cannot hold the scene or a shadow map, the page is too large, or the user
+/// interrupted it.
 pub fn scene_page(
     settings: &SceneSettings,
     loaded: &Loaded,
     methods: &[Box<dyn Method>],
     adapter: Option<&str>,
 ) -> Result<Page> {
+    check_page_function(loaded.tf.gradient_opacity.as_ref())?;
     let session = |tuning: Option<Tuning>, disabled: DisabledOptimizations| {
         let mut gpu = Gpu::open(adapter)?;
         gpu.tuning = tuning.unwrap_or(gpu.tuning);
@@ -145,13 +148,15 @@ pub fn scene_page(
 }
 
 /// Fails if a page of the scene would hold the data of a file (volume, segmentation, mesh or strands), unless that is
-/// allowed, or if it cannot show the scene's lights.
+/// allowed, or if it cannot show the scene.
 ///
 /// # Errors
-/// The scene reads a file, and `is_allowed` is false; a light has a size; or the scene has ambient occlusion.
+/// The scene reads a file, and `is_allowed` is false; a light has a size; or the scene has ambient occlusion or a gradient
+/// opacity.
 pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
     settings.hard_lights("page")?;
     settings.open_ambient("page")?;
+    check_page_function(settings.gradient_opacity.as_ref())?;
     let opaque = [&settings.opaque.mesh, &settings.opaque.strands].into_iter().flatten().flatten();
     let files = settings.volume.iter().chain(&settings.masking.labels).chain(opaque.map(|file| &file.source));
     match files.map(String::as_str).find(|source| !source.starts_with("phantom:")) {
@@ -164,6 +169,17 @@ pub fn check_page(settings: &SceneSettings, is_allowed: bool) -> Result<()> {
             "--embed-volume puts them into the page, for everybody who has it; --downsample makes it smaller",
         )),
         _ => Ok(()),
+    }
+}
+
+/// Fails if extinction depends on the gradient magnitude, which pages do not show.
+fn check_page_function(opacity: Option<&GradientOpacity>) -> Result<()> {
+    match opacity.filter(|opacity| !opacity.is_one()) {
+        Some(_) => {
+            let why = "pages show no gradient opacity";
+            Err(Error::input("cannot write page", "--gradient-opacity", why).hint("--gradient-opacity none"))
+        }
+        None => Ok(()),
     }
 }
 

@@ -7,12 +7,12 @@ use crate::transfer::{ControlPoint, MAX_OPACITY, Quantity, TransferFunction};
 /// Gauss-Legendre rules on `[-1, 1]`: the positive nodes and their weights.
 const GAUSS_4: [(f64, f64); 2] =
     [(0.33998104358485626, 0.6521451548625461), (0.8611363115940526, 0.34785484513745385)];
-const GAUSS_6: [(f64, f64); 3] = [
+pub(super) const GAUSS_6: [(f64, f64); 3] = [
     (0.2386191860831969, 0.46791393457269104),
     (0.6612093864662645, 0.3607615730481386),
     (0.932469514203152, 0.17132449237917036),
 ];
-const GAUSS_10: [(f64, f64); 5] = [
+pub(super) const GAUSS_10: [(f64, f64); 5] = [
     (0.14887433898163122, 0.29552422471475287),
     (0.4333953941292472, 0.26926671930999635),
     (0.6794095682990244, 0.21908636251598204),
@@ -69,6 +69,18 @@ impl Law {
             Self::Constant(sigma) => *sigma,
             Self::Extinction(ramp) => ramp.at(s).max(0.0),
             Self::Opacity { ramp, per_mm } => absorbance(ramp.at(s)) * per_mm,
+        }
+    }
+
+    /// Returns the absolute slope of the extinction at the scalar value `s`, 1/mm per value.
+    #[inline]
+    pub fn slope(&self, s: f64) -> f64 {
+        match self {
+            Self::Clear | Self::Constant(_) => 0.0,
+            Self::Extinction(ramp) => ramp.slope.abs(),
+            Self::Opacity { ramp, per_mm } => {
+                ramp.slope.abs() * per_mm / (1.0 - ramp.at(s).clamp(0.0, MAX_OPACITY))
+            }
         }
     }
 

@@ -3,14 +3,16 @@
 //! A ray is traversed cell by cell. Within a cell the trilinear value is a cubic of the distance. The cubic is cut
 //! where it passes a control point of the transfer function, and each smooth interval of the ray is integrated to a
 //! relative error of about 1e-12. If extinction is linear in the value, the quadrature is exact. If opacity is linear
-//! (so that extinction is the logarithm of a cubic), the order of the quadrature is proved to be high enough. Blocks
-//! of cells without extinction are skipped, which changes no bit of the result. The module shares no table and no
-//! code with the GPU path.
+//! (so that extinction is the logarithm of a cubic), the order of the quadrature is proved to be high enough. With a
+//! gradient opacity, adaptive quadrature integrates to a relative error of about 1e-10. Blocks of cells without
+//! extinction are skipped, which changes no bit of the result. The module shares no table and no code with the GPU path.
 
 mod blocks;
+mod cell;
 mod cubic;
 mod curve;
 mod eye_samples;
+mod gradient;
 mod law;
 mod light_mean;
 mod picture;
@@ -29,6 +31,7 @@ use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
 use blocks::{Blocks, Labelled};
 use glam::DVec3;
+use gradient::{Factor, GradientLaws};
 use law::Laws;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -47,6 +50,8 @@ pub struct ExactField<'a> {
     transfer_function: &'a TransferFunction,
     /// Extinction formulas of each transfer function: the main one, then those of segmentation labels.
     laws: Vec<Laws>,
+    /// Factor on the extinction by the gradient magnitude; `None` if it is 1 everywhere.
+    gradient: Option<GradientLaws>,
     /// Index of the transfer function of each segmentation label, in the order of [`crate::volume::Labels::ids`];
     /// `None` for hidden labels.
     functions: Vec<Option<usize>>,
@@ -71,7 +76,11 @@ impl<'a> ExactField<'a> {
         let blocks = with_voxels!(volume.voxels(), array => {
             Blocks::new(contiguous(array), volume.dims(), volume.scaling(), &laws, labels)
         });
-        Self { volume, transfer_function, laws, functions, blocks, directions: None }
+        let index_from_world = volume.index_from_world().matrix3;
+        let opacity = transfer_function.gradient_opacity.as_ref();
+        let gradient =
+            opacity.map(|opacity| GradientLaws::new(&opacity.per_mm(volume.spacing_mm()), index_from_world));
+        Self { volume, transfer_function, laws, gradient, functions, blocks, directions: None }
     }
 
     /// Sets the directions of the strands from which the volume was made, which Kajiya-Kay shading needs.
@@ -122,8 +131,8 @@ impl<'a> ExactField<'a> {
     /// (world mm). `length_mm` may be infinite.
     pub fn curve_along(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> OpticalDepthCurve<'_> {
         let mut curve = OpticalDepthCurve::new(&self.laws, length_mm);
-        self.traverse(origin, direction, length_mm, |piece| {
-            curve.push(piece);
+        self.traverse(origin, direction, length_mm, |piece, factor| {
+            curve.push(piece, factor);
             ControlFlow::Continue(())
         });
         curve
@@ -152,7 +161,7 @@ impl<'a> ExactField<'a> {
     /// infinite.
     pub fn meets_extinction(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> bool {
         let mut met = false;
-        self.traverse(origin, direction, length_mm, |_| {
+        self.traverse(origin, direction, length_mm, |_, _| {
             met = true;
             ControlFlow::Break(())
         });
@@ -173,28 +182,34 @@ impl<'a> ExactField<'a> {
             return f64::NAN;
         }
         let mut sum = 0.0;
-        self.traverse(origin, direction, length_mm, |piece| {
+        self.traverse(origin, direction, length_mm, |piece, factor| {
             let law = &self.laws[piece.function].laws[piece.law];
-            sum += law.integral(&piece.value, 0.0, 1.0) * (piece.end_mm - piece.start_mm);
+            let integral = match factor {
+                None => law.integral(&piece.value, 0.0, 1.0),
+                Some(factor) => factor.integral(law, &piece.value, 0.0, 1.0),
+            };
+            sum += integral * (piece.end_mm - piece.start_mm);
             if sum < enough { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         sum
     }
 
-    /// Calls `visit` with each interval of a ray that has extinction, in order along the ray.
+    /// Calls `visit` with each interval of a ray that has extinction, in order along the ray, and with the factor of the
+    /// gradient opacity along it; `None` if there is no gradient opacity.
     fn traverse(
         &self,
         origin: DVec3,
         direction: DVec3,
         length_mm: f64,
-        visit: impl FnMut(RayPiece) -> ControlFlow<()>,
+        visit: impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
     ) {
         let Some(ray) = self.ray(origin, direction, length_mm) else { return };
         let dims = self.volume.dims();
         with_voxels!(self.volume.voxels(), array => {
             let (voxels, scaling) = (contiguous(array), self.volume.scaling());
             let labels = labelled(self.volume, &self.functions);
-            let grid = VoxelGrid { voxels, dims, scaling, blocks: &self.blocks, labels };
+            let gradient = self.gradient.as_ref();
+            let grid = VoxelGrid { voxels, dims, scaling, blocks: &self.blocks, labels, gradient };
             grid.traverse(&self.laws, &ray, visit)
         });
     }

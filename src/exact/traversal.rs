@@ -2,7 +2,9 @@
 //! value passes from one interval of the transfer function to the next.
 
 use super::blocks::{Blocks, Labelled, block_of, cells_of};
+use super::cell::CellChord;
 use super::cubic::Cubic;
+use super::gradient::{Factor, GradientLaws};
 use super::law::{Law, Laws};
 use crate::volume::{Scaling, Voxel};
 use glam::DVec3;
@@ -72,12 +74,19 @@ pub(super) struct VoxelGrid<'a, V> {
     pub scaling: Scaling,
     pub blocks: &'a Blocks,
     pub labels: Option<Labelled<'a>>,
+    pub gradient: Option<&'a GradientLaws>,
 }
 
 impl<V: Voxel> VoxelGrid<'_, V> {
-    /// Calls `visit` with every interval of the ray that has extinction, in order, until `visit` returns `Break`.
+    /// Calls `visit` with every interval of the ray that has extinction, in order, until `visit` returns `Break`. Its
+    /// second argument is the factor of the gradient opacity along the interval; `None` if it is 1.
     #[inline]
-    pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(RayPiece) -> ControlFlow<()>) {
+    pub fn traverse(
+        &self,
+        laws: &[Laws],
+        ray: &Ray,
+        mut visit: impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
+    ) {
         let mut cell = CellTraversal::new(ray, self.dims);
         loop {
             if std::mem::take(&mut cell.entered_block) && !self.blocks.is_active(cell.block) {
@@ -116,7 +125,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         labels: Labelled<'_>,
         corner: &[V; 8],
         [start, end]: [f64; 2],
-        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
+        visit: &mut impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let mut from = start;
         for to in cell.middles().map(|t| t.clamp(start, end)).into_iter().chain([end]) {
@@ -140,16 +149,22 @@ impl<V: Voxel> VoxelGrid<'_, V> {
         (function, laws): (usize, &Laws),
         corner: &[V; 8],
         [start_mm, end_mm]: [f64; 2],
-        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
+        visit: &mut impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let (min, max) = self.range(corner);
         let Some((first, last)) = laws.active(min, max) else { return ControlFlow::Continue(()) };
         let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
-        let value = cell.cubic(&corner, start_mm, end_mm);
-        if first == last {
-            return visit(RayPiece { start_mm, end_mm, function, law: first, value });
+        let chord = cell.chord(&corner, start_mm, end_mm);
+        let value = chord.value();
+        if let Some(gradient) = self.gradient {
+            let intervals = factor_intervals(gradient, &chord, [start_mm, end_mm]);
+            let mut visit = |piece: RayPiece| visit_with_factor(&piece, &intervals, visit);
+            return cut((function, laws), [first, last], value, [start_mm, end_mm], &mut visit);
         }
-        cut((function, laws), [first, last], value, [start_mm, end_mm], visit)
+        if first == last {
+            return visit(RayPiece { start_mm, end_mm, function, law: first, value }, None);
+        }
+        cut((function, laws), [first, last], value, [start_mm, end_mm], &mut |piece| visit(piece, None))
     }
 
     /// Returns the smallest and largest value at the corners of a volume cell, after the mapping from stored to
@@ -310,33 +325,54 @@ impl<'r> CellTraversal<'r> {
         side(0) + side(1) + side(2)
     }
 
-    /// Returns the trilinear value of a volume cell along the ray from `start` to `end`, as a cubic over `[0, 1]`.
-    /// The values at the corners are `corner[x + 2 y + 4 z]`.
-    ///
-    /// Only differences of corners are scaled, so that a constant cell gives exactly its value.
+    /// Returns the part of the ray from `start` to `end` (mm) within the current volume cell.
     #[inline]
-    fn cubic(&self, corner: &[f64; 8], start: f64, end: f64) -> Cubic {
+    fn chord<'c>(&self, corner: &'c [f64; 8], start: f64, end: f64) -> CellChord<'c> {
         let within = |axis: usize, t: f64| {
             (self.ray.origin[axis] + self.ray.direction[axis] * t - self.cell[axis] as f64).clamp(0.0, 1.0)
         };
         let [x, y, z] = std::array::from_fn(|axis| within(axis, start));
         let [p, q, r] = std::array::from_fn(|axis| within(axis, end));
-        let (p, q, r) = (p - x, q - y, r - z);
-        let [v000, v100, v010, v110, v001, v101, v011, v111] = *corner;
-        let (a, b, c) = (v100 - v000, v010 - v000, v001 - v000);
-        let (ab, ac, bc) = ((v110 - v010) - a, (v101 - v001) - a, (v011 - v001) - b);
-        let abc = ((v111 - v011) - (v101 - v001)) - ab;
-        // Taylor expansion of the trilinear form about the start, along (p, q, r).
-        let dx = a + ab * y + (ac + abc * y) * z;
-        let dy = b + ab * x + (bc + abc * x) * z;
-        let dz = c + ac * x + (bc + abc * x) * y;
-        Cubic([
-            v000 + (a + ab * y) * x + b * y + (c + ac * x + (bc + abc * x) * y) * z,
-            dx * p + dy * q + dz * r,
-            (ab + abc * z) * (p * q) + (ac + abc * y) * (p * r) + (bc + abc * x) * (q * r),
-            abc * (p * q * r),
-        ])
+        CellChord { corner, start: [x, y, z], displacement: [p - x, q - y, r - z] }
     }
+}
+
+/// Interval of a ray (mm) on which the factor of the gradient opacity has one formula, with the factor along it.
+type FactorInterval = ([f64; 2], Factor);
+
+/// Returns the intervals of a ray in a volume cell on which the gradient opacity is not 0, in order.
+fn factor_intervals(
+    gradient: &GradientLaws,
+    chord: &CellChord<'_>,
+    [start_mm, end_mm]: [f64; 2],
+) -> Vec<FactorInterval> {
+    let mut intervals = Vec::new();
+    let at = |x: f64| if x < 1.0 { start_mm + (end_mm - start_mm) * x } else { end_mm };
+    gradient.intervals(chord, |[from, to], factor| {
+        intervals.push(([at(from), at(to)], factor.restrict(from, to)));
+    });
+    intervals
+}
+
+/// Visits the parts of a ray interval in each of the intervals with a factor.
+fn visit_with_factor(
+    piece: &RayPiece,
+    intervals: &[FactorInterval],
+    visit: &mut impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    let length_mm = piece.end_mm - piece.start_mm;
+    for ([from_mm, to_mm], factor) in intervals {
+        let (start_mm, end_mm) = (piece.start_mm.max(*from_mm), piece.end_mm.min(*to_mm));
+        if end_mm <= start_mm {
+            continue;
+        }
+        let in_piece = |mm: f64| ((mm - piece.start_mm) / length_mm).clamp(0.0, 1.0);
+        let in_interval = |mm: f64| ((mm - from_mm) / (to_mm - from_mm)).clamp(0.0, 1.0);
+        let value = piece.value.restrict(in_piece(start_mm), in_piece(end_mm));
+        let factor = factor.restrict(in_interval(start_mm), in_interval(end_mm));
+        visit(RayPiece { start_mm, end_mm, value, ..*piece }, Some(&factor))?;
+    }
+    ControlFlow::Continue(())
 }
 
 /// Cuts the ray in a volume cell where the value passes from one interval of the transfer function to another, and

@@ -94,7 +94,8 @@ impl BuildContext<'_> {
             return Err(refused(&why).hint("a smaller --resolution has wider voxels"));
         }
         let [_, largest] = self.volume.value_range();
-        match self.transfer.function().leaves_extinction(largest) {
+        let as_it_is = self.transfer.function().leaves_extinction(largest);
+        match as_it_is && !self.transfer.has_gradient_opacity {
             true => Ok(&strands.strands),
             false => Err(refused("the transfer function does not take the strands' extinction as it is")
                 .hint("the preset hair does")),

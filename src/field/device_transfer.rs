@@ -1,7 +1,9 @@
 //! Transfer function of a volume on the graphics device: its lookup tables, the active bricks (blocks of cells with
 //! extinction), and the distance of every brick to them.
 
+use super::field_bindings::FieldBindings;
 use super::fold::FoldUniform;
+use super::gradient_uniform::gradient_uniform;
 use super::merged_function::MergedFunction;
 use super::transfer_textures::{color_integrals, distance_texture, interval_table, no_pairs, row_texture};
 use super::{
@@ -9,9 +11,7 @@ use super::{
     marches_cells,
 };
 use crate::error::Result;
-use crate::gpu::{
-    Gpu, Group, ShaderVariant, Slot, StorageBuffer, clamp_sampler, table_texture, uniform_buffer,
-};
+use crate::gpu::{Gpu, Group, ShaderVariant, StorageBuffer, clamp_sampler, table_texture, uniform_buffer};
 use crate::transfer::{
     ClipPlane, ExtinctionRanges, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
 };
@@ -68,13 +68,15 @@ pub struct DeviceTransfer {
     pub clips: bool,
     /// Whether segmentation labels of the volume use different transfer functions.
     pub has_labels: bool,
+    /// Whether the extinction depends on the gradient magnitude of the value, too. Shadow maps then have no error bound.
+    pub has_gradient_opacity: bool,
     /// Renderer optimizations, such as skipping empty bricks, that the user disables with `--no-skip`.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
     /// Whether the volume texture is folded: the volume is longer than a 3-D texture may be, and is stored as tiles
     /// side by side.
     folded: bool,
-    bindings: Bindings,
+    bindings: FieldBindings,
     /// Bind group 0 of the shaders that do not read the lookup table of transfer-function breakpoints.
     plain_group: Group,
     march: OnceLock<MarchTable>,
@@ -103,50 +105,6 @@ pub struct MarchTable {
     pub table_ms: f64,
     /// Size on the device of the lookup table of transfer-function breakpoints between two voxel values, bytes.
     pub bytes: u64,
-}
-
-/// Resources of bind group 0 (the volume and its transfer function), except the lookup table of transfer-function
-/// breakpoints.
-#[derive(Clone)]
-struct Bindings {
-    field: wgpu::Buffer,
-    volume: wgpu::TextureView,
-    sampler: wgpu::Sampler,
-    distances: wgpu::TextureView,
-    intervals: wgpu::Buffer,
-    integrals: wgpu::TextureView,
-    extinction: wgpu::TextureView,
-    /// Texture with the segmentation label of each voxel, and the offset that shaders add to the voxel values of each
-    /// label. `None` without labels.
-    labels: Option<(wgpu::TextureView, wgpu::Buffer)>,
-}
-
-impl Bindings {
-    fn group(&self, gpu: &Gpu, pair_nodes: &wgpu::TextureView) -> Group {
-        let solid = wgpu::TextureViewDimension::D3;
-        // Pipelines do not depend on the volume: all formats are bound as the least capable one.
-        let filterable = gpu.filters_float32;
-        let values = wgpu::TextureSampleType::Float { filterable };
-        let mut slots = vec![
-            Slot::uniform(&self.field),
-            Slot::texture(&self.volume, values, solid),
-            Slot::sampler(&self.sampler, filterable),
-            Slot::texture(&self.distances, wgpu::TextureSampleType::Uint, solid),
-            if gpu.tuning.storage_tables {
-                Slot::read(self.intervals.as_entire_binding())
-            } else {
-                Slot::uniform(&self.intervals)
-            },
-            Slot::floats(&self.integrals),
-            Slot::words(pair_nodes),
-            Slot::read_write(gpu.counters.binding()),
-            Slot::floats(&self.extinction),
-        ];
-        if let Some((ranks, shifts)) = &self.labels {
-            slots.extend([Slot::texture(ranks, wgpu::TextureSampleType::Uint, solid), Slot::uniform(shifts)]);
-        }
-        Group::new(gpu, "field", &(0..).zip(slots).collect::<Vec<_>>())
-    }
 }
 
 /// Largest float32 error of an interpolated voxel value along a ray, relative to the largest texel value: 2^-19. It
@@ -180,7 +138,7 @@ impl DeviceTransfer {
         let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
         let one_color = one_color(&merged.function, disabled);
         let uniform = field_uniform(loaded, &merged, one_color, &active, disabled);
-        let bindings = Bindings {
+        let bindings = FieldBindings {
             field: uniform_buffer(gpu, "field", &uniform),
             volume: on_device.view.clone(),
             sampler: clamp_sampler(gpu, filter),
@@ -188,6 +146,7 @@ impl DeviceTransfer {
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(tables)?),
             integrals: color_integrals(gpu, tables, one_color)?,
             labels: merged.labels(gpu, loaded),
+            gradient: gradient_uniform(gpu, &loaded.volume, tf, on_device.mapping),
             extinction: row_texture(gpu, "extinction integrals", &tables.extinction_bins)?,
         };
         let made = Self {
@@ -209,6 +168,7 @@ impl DeviceTransfer {
             mapping: on_device.mapping,
             largest_texel: merged.largest_texel,
             has_labels: !merged.shifts.is_empty(),
+            has_gradient_opacity: tf.gradient_opacity.is_some(),
             label_shifts: merged.value_shifts(on_device.mapping),
             tf: merged.function,
         };
@@ -236,7 +196,7 @@ impl DeviceTransfer {
         let one_color = one_color(&function, self.disabled);
         let [color_r, color_g, color_b] = one_color.unwrap_or_default();
         let uniform = FieldUniform { color_r, color_g, color_b, ..self.uniform };
-        let bindings = Bindings {
+        let bindings = FieldBindings {
             field: uniform_buffer(gpu, "field", &uniform),
             integrals: color_integrals(gpu, &tables, one_color)?,
             ..self.bindings.clone()
@@ -343,13 +303,18 @@ impl DeviceTransfer {
     }
 
     /// Adds the shader definitions (`#ifdef`) that a transfer function and its volume need: for clip planes,
-    /// segmentation labels, a folded (tiled) volume texture, and the search for breakpoints. For a shader that
-    /// marches light rays cell by cell, it also computes the lookup table of transfer-function breakpoints.
+    /// segmentation labels, a folded (tiled) volume texture, a gradient opacity, and the search for breakpoints. For a
+    /// shader that marches light rays cell by cell, it also computes the lookup table of transfer-function breakpoints.
     ///
     /// # Errors
     /// The device is out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
-        let needs = [(self.clips, "CLIP"), (self.has_labels, "LABELS"), (self.folded, "FOLDED")];
+        let needs = [
+            (self.clips, "CLIP"),
+            (self.has_labels, "LABELS"),
+            (self.folded, "FOLDED"),
+            (self.has_gradient_opacity, "GRADIENT_OPACITY"),
+        ];
         let variant = variant.defs(needs.into_iter().filter_map(|(needed, name)| needed.then_some(name)));
         if !marches_cells(&variant) {
             return Ok(variant);

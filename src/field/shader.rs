@@ -2,6 +2,7 @@
 //! the host.
 
 use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
+use super::gradient_uniform::{GRADIENT_BINDING, GRADIENT_VECTORS};
 use super::light_space::Projection;
 use super::march::{GAUSS, MOST_PIECES, March, PARTS_OF_SUM, ROOT_TOLERANCE, SHORT_PIECE, UNEVEN_DEPTH};
 use crate::gpu::{Constant, MAX_BLOCKS, ShaderVariant, WORK_KINDS, WORK_WORDS};
@@ -60,6 +61,8 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("NO_TILE", NO_TILE),
     Constant::unsigned("LINE_THREADS", LINE_THREADS),
     Constant::signed("LINES_BINDING", LINES_BINDING as i32),
+    Constant::signed("GRADIENT_BINDING", GRADIENT_BINDING as i32),
+    Constant::unsigned("GRADIENT_VECTORS", GRADIENT_VECTORS as u32),
 ];
 
 /// Returns a shader variant that can read the volume, the transfer function and the projection of a shadow map.
@@ -71,6 +74,8 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
         "field/field.wgsl",
         "field/labels.wgsl",
         "field/transfer.wgsl",
+        "field/gradient_opacity.wgsl",
+        "field/gradient_depth.wgsl",
         "field/light.wgsl",
     ];
     ShaderVariant::of(entry).modules(&modules).constants(CONSTANTS)

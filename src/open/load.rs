@@ -137,6 +137,13 @@ impl SceneSettings {
         let own = self.suiting();
         tf.rules = self.masking.rules(functions.of_labels, &tf, &volume, own, &mut diagnostics)?;
         tf.clip = self.masking.planes(strands.is_some())?;
+        if let Some(opacity) = &self.gradient_opacity {
+            tf = tf.with_gradient_opacity(opacity.clone());
+        }
+        if let Some(opacity) = &tf.gradient_opacity {
+            let text = format!("gradient opacity {opacity}: no method states an error bound with it");
+            diagnostics.push(Diagnostic::note(text));
+        }
         diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
         diagnostics.extend(chosen.into_iter().chain(notes).map(Diagnostic::note));
         let mesh = self.opaque.read(&mut diagnostics, loading)?;
@@ -155,7 +162,8 @@ impl SceneSettings {
     /// function and opaque objects are the same.
     pub fn looks_as(&self, other: &Self) -> bool {
         let look = |s: &Self| {
-            (s.tf.clone(), s.suiting(), s.masking.clone(), s.opaque.clone(), s.disabled_optimizations())
+            let tf = (s.tf.clone(), s.suiting(), s.gradient_opacity.clone());
+            (tf, s.masking.clone(), s.opaque.clone(), s.disabled_optimizations())
         };
         self.reads_as(other) && look(self) == look(other)
     }

@@ -248,7 +248,7 @@ impl MaskFlags {
     /// extinction) of `tf`.
     ///
     /// # Errors
-    /// A transfer function cannot be adapted to the volume, or no segment has a given name.
+    /// A transfer function cannot be adapted to the volume or has a gradient opacity, or no segment has a given name.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
@@ -262,6 +262,11 @@ impl MaskFlags {
             let ResolvedTransferFunction { tf: own, warnings, notes, .. } = found.suit(volume, suiting)?;
             diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
             diagnostics.extend(notes.into_iter().map(Diagnostic::note));
+            if own.gradient_opacity.is_some() {
+                let why = format!("`{}` has a gradient opacity, and there is one for all labels", own.name);
+                return Err(Error::input("cannot use function of labels", "--label-tf", why)
+                    .hint("--gradient-opacity or the file of --tf gives it"));
+            }
             // One set of device tables stores all functions, which must therefore have the same quantity.
             if !own.has_quantity_of(tf) {
                 let (name, kind) = (&own.name, kind_of(tf));

@@ -240,6 +240,8 @@ impl Renderer {
         let made_before = transfer.march_table().is_some();
         let mut map = method.build(&self.build_context(field, source, view, passes))?;
         map.report.more_samples = source.sample_count() - 1;
+        // Bounds are derived for extinction that depends on the value alone.
+        map.bound = map.bound.filter(|_| !transfer.has_gradient_opacity);
         // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);

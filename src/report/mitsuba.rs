@@ -71,7 +71,7 @@ pub fn write_mitsuba(
 /// Fails if Mitsuba has no counterpart of a scene.
 ///
 /// # Errors
-/// The scene has ambient light, shading, opaque objects, labels, clip planes, or lights of other kinds than directional
+/// The scene has ambient light, shading, opaque objects, labels, clip planes, a gradient opacity, or lights of other kinds than directional
 /// ones and a sky.
 fn check(volume: &Volume, tf: &TransferFunction, scene: &Scene) -> Result<()> {
     let refuse = |why: &str, hint: &'static str| {
@@ -93,6 +93,9 @@ fn check(volume: &Volume, tf: &TransferFunction, scene: &Scene) -> Result<()> {
         let is_known = source.extent == Extent::None || source.extent == Extent::SKY;
         is_known && matches!(source.light, Light::Directional { .. })
     };
+    if tf.gradient_opacity.is_some() {
+        return refuse("gradient opacity has no counterpart", "--gradient-opacity none");
+    }
     if !scene.sources_shining().iter().all(is_known) {
         let why = "its light falls off with distance, and the lights here do not; a cone of directions or a map has no counterpart";
         return refuse(why, "--light dir:x,y,z or sky");

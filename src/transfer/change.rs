@@ -26,7 +26,8 @@ impl TransferChange {
         occurs: impl Fn([f64; 2]) -> bool,
     ) -> Self {
         let same_kind = old.quantity == new.quantity && old.reference_length_mm == new.reference_length_mm;
-        if !same_kind || old.rules != new.rules || old.clip != new.clip {
+        let same_gradients = old.gradient_opacity == new.gradient_opacity;
+        if !same_kind || !same_gradients || old.rules != new.rules || old.clip != new.clip {
             return Self::Extinction;
         }
         let mut most = Self::Nothing;
@@ -119,6 +120,12 @@ mod tests {
             ("a point added on a line", with(&|p| p.insert(4, (250.0, 1.0, 0.45))), everywhere, Nothing),
             ("the last extinction", with(&|p| p[4].1 = 0.1), [400.0, 500.0], Extinction),
             ("another name", TransferFunction { name: "b".into(), ..old.clone() }, everywhere, Nothing),
+            (
+                "a gradient opacity",
+                old.clone().with_gradient_opacity("0:0,5:1".parse().unwrap()),
+                everywhere,
+                Extinction,
+            ),
             (
                 "another reference length",
                 TransferFunction { reference_length_mm: 2.0, ..old.clone() },

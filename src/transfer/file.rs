@@ -1,8 +1,8 @@
 //! This program's transfer-function files (`transfer_functions/*.json`): name, units, `reference_length_mm`, and
 //! control points by non-decreasing scalar value. Each control point has an opacity or an extinction, and a colour
-//! `#rrggbb`.
+//! `#rrggbb`. Optional points of `gradient_opacity` have a gradient magnitude and a factor.
 
-use super::{ControlPoint, Quantity, TransferFunction};
+use super::{ControlPoint, GradientLength, GradientOpacity, Quantity, TransferFunction};
 use crate::error::{Error, Result};
 use crate::files::color;
 use crate::files::input::read_text;
@@ -24,6 +24,17 @@ struct File {
     #[serde(default = "one_mm")]
     reference_length_mm: f64,
     points: Vec<PointEntry>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    gradient_opacity: Option<Vec<GradientEntry>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    gradient_per: Option<GradientLength>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientEntry {
+    gradient: f64,
+    factor: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -74,11 +85,19 @@ impl TransferFunction {
             extinction: (self.quantity == Quantity::Extinction).then_some(p.amount),
             color: Some(color::to_hex(p.color)),
         });
+        let gradient_opacity = self.gradient_opacity.as_ref();
         let file = File {
             name: self.name.clone(),
             units: self.units.clone(),
             reference_length_mm: self.reference_length_mm,
             points: points.collect(),
+            gradient_per: gradient_opacity
+                .map(GradientOpacity::length)
+                .filter(|per| *per != GradientLength::Mm),
+            gradient_opacity: gradient_opacity.map(|opacity| {
+                let points = opacity.points().iter();
+                points.map(|p| GradientEntry { gradient: p.magnitude, factor: p.factor }).collect()
+            }),
         };
         serde_json::to_string_pretty(&file).expect("numbers and strings always serialise")
     }
@@ -112,8 +131,17 @@ impl TransferFunction {
             }
             points.push(point);
         }
-        let File { name, units, .. } = file;
+        let File { name, units, gradient_opacity, gradient_per, .. } = file;
         let tf = Self { name, units, reference_length_mm: length, points, ..Self::new(quantity, &[]) };
+        let tf = match gradient_opacity {
+            Some(points) => tf.with_gradient_opacity(
+                GradientOpacity::new(points.iter().map(|p| (p.gradient, p.factor)))
+                    .map_err(|why| format!("`gradient_opacity`: {why}"))?
+                    .per(gradient_per.unwrap_or_default()),
+            ),
+            None if gradient_per.is_some() => return Err("`gradient_per` without `gradient_opacity`".into()),
+            None => tf,
+        };
         let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
         if largest > MAX_MAGNITUDE {
             return Err(format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic"));
@@ -174,6 +202,10 @@ mod tests {
             r##"{"name":"a","units":"HU","reference_length_mm":0.1,"points":[
                 {"value":-0.1,"opacity":0.3,"color":"#010203"},{"value":7,"opacity":1}, {"value":7,"opacity":0.25}]}"##,
             r##"{"name":"b","units":"1/mm","points":[{"value":0,"extinction":1e-7,"color":"#fedcba"}]}"##,
+            r#"{"points":[{"value":0,"opacity":1}],
+                "gradient_opacity":[{"gradient":0,"factor":0.1},{"gradient":12.5,"factor":1}]}"#,
+            r#"{"points":[{"value":0,"opacity":1}],"gradient_per":"voxel",
+                "gradient_opacity":[{"gradient":5,"factor":0.5}]}"#,
         ] {
             let tf = TransferFunction::from_json(json).unwrap();
             assert_eq!(TransferFunction::from_json(&tf.to_json()).unwrap(), tf);
@@ -225,6 +257,20 @@ mod tests {
                 r##"{"points": [{"value": 1, "opacity": 0, "color": "red"}]}"##,
                 "`points[0]`: `red` is not a colour",
             ),
+            (
+                r#"{"points": [{"value": 1, "opacity": 0}], "gradient_opacity": []}"#,
+                "`gradient_opacity`: it has no points",
+            ),
+            (
+                r#"{"points": [{"value": 1, "opacity": 0}], "gradient_opacity": [{"gradient": 1, "factor": 2}]}"#,
+                "`gradient_opacity`: a factor must be in [0, 1], not 2",
+            ),
+            (
+                r#"{"points": [{"value": 1, "opacity": 0}], "gradient_opacity": [{"gradient": 1}]}"#,
+                "missing field `factor`",
+            ),
+            (r#"{"points": [{"value": 1, "opacity": 0}], "gradient_per": "mm"}"#, "`gradient_per` without"),
+            (r#"{"points": [{"value": 1, "opacity": 0}], "gradient_per": "inch"}"#, "unknown variant `inch`"),
             (r#"{"points": [{"value": 1e999, "opacity": 0}]}"#, "out of range"),
             (r#"{"points": [{"value": 1e200, "opacity": 0}]}"#, "too large"),
             (r#"{"points": [{"value": NaN, "opacity": 0}]}"#, "expected value"),

@@ -5,6 +5,7 @@ mod change;
 mod clip;
 mod file;
 pub mod formats;
+mod gradient;
 mod labels;
 mod pairs;
 pub mod presets;
@@ -13,6 +14,7 @@ mod tables;
 
 pub use change::TransferChange;
 pub use clip::{ClipPlane, MOST_CLIP_PLANES};
+pub use gradient::{GradientLength, GradientOpacity, GradientPoint, MOST_GRADIENT_POINTS};
 pub use labels::{LabelClass, MOST_LABEL_FUNCTIONS, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
 pub use ranges::ExtinctionRanges;
@@ -57,6 +59,9 @@ pub struct TransferFunction {
     pub quantity: Quantity,
     /// Control points of the transfer function by non-decreasing value: at least one, at most two of equal value.
     pub points: Vec<ControlPoint>,
+    /// Factor on the extinction by the gradient magnitude of the value, also for segmentation labels; `None` where it is 1
+    /// everywhere. The extinctions that functions here return are those before this factor.
+    pub gradient_opacity: Option<GradientOpacity>,
     /// Rules of the transfer function for segmentation labels. Transfer-function files store neither such rules nor
     /// clip planes.
     pub rules: Vec<LabelRule>,
@@ -101,6 +106,7 @@ impl TransferFunction {
             reference_length_mm: 1.0,
             quantity,
             points: points.iter().map(white).collect(),
+            gradient_opacity: None,
             rules: Vec::new(),
             clip: Vec::new(),
         }
@@ -189,14 +195,22 @@ impl TransferFunction {
         scaled
     }
 
-    /// Maps the scalar values of all control points of the transfer function by an increasing function, such as a
-    /// conversion of units.
+    /// Maps the scalar values of all control points of the transfer function by an increasing linear function, such as a
+    /// conversion of units. Gradient magnitudes are scaled by its slope.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
         let moved =
             |tf: &Self| tf.points.iter().map(|p| ControlPoint { value: map(p.value), ..*p }).collect();
         let rules = self.with_each(|tf| Self { points: moved(tf), ..tf.clone() });
-        Self { points: moved(self), rules, ..self.clone() }
+        let slope = map(1.0) - map(0.0);
+        let gradient_opacity = self.gradient_opacity.as_ref().map(|g| g.scale_magnitudes(slope));
+        Self { points: moved(self), gradient_opacity, rules, ..self.clone() }
+    }
+
+    /// Sets the factor on the extinction by the gradient magnitude of the value.
+    #[must_use]
+    pub fn with_gradient_opacity(self, opacity: GradientOpacity) -> Self {
+        Self { gradient_opacity: Some(opacity).filter(|opacity| !opacity.is_one()), ..self }
     }
 
     /// Distinct scalar values of the transfer function's control points, ascending.

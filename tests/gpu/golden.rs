@@ -13,9 +13,10 @@ use umbravox::shadow::METHODS;
 /// Command line of every golden picture.
 const SCENE: [&str; 5] = ["render", "phantom:thorax:32", "--size=48x48", "--tf=bone", "--background=#203040"];
 /// Golden pictures of features: a name, and the flags of the feature.
-const FEATURES: [(&str, &[&str]); 11] = [
+const FEATURES: [(&str, &[&str]); 12] = [
     ("clip", &["--clip=1,0.3,0,0"]),
     ("filter", &["--shadow=dsm:filter=nearest,map=24"]),
+    ("gradient-opacity", &["--gradient-opacity=0:0,60:1"]),
     ("labels", &["--labels=labels.nrrd", "--label-tf=2=ct"]),
     ("labels-hidden", &["--labels=labels.nrrd", "--hide=1"]),
     ("light-point", &["--light=point:60,220,120"]),

@@ -22,6 +22,7 @@ mod filters;
 mod folded;
 mod forced;
 mod golden;
+mod gradient_opacity;
 mod halfangle;
 mod invariance;
 mod joint;

@@ -10,6 +10,8 @@ pub const RAYS_PICTURE_RMS: f64 = 0.005;
 /// Allowed rms over RGBA of a picture by `dsm:epsilon=0.005` against the exact one: map texels as large as voxels
 /// blur the edges of shadows. A published tolerance.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
+/// Rms of a picture with a gradient opacity and a shadow ray for each segment: factors that jump within a cell.
+pub const GRADIENT_PICTURE_RMS: f64 = 0.006;
 /// Allowed rms over RGBA of a picture of shaded surfaces by `rays` against the exact one: few of its 32 x 24 pixels
 /// show the gradient at a jump.
 pub const SHADED_PICTURE_RMS: f64 = 0.02;

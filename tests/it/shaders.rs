@@ -75,8 +75,10 @@ fn variants() -> Vec<(ShaderVariant, Tuning)> {
     for variant in wanted {
         let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
         for more in search {
-            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
-                let variant = variant.clone().defs([*more, adapter].concat());
+            let adapters = [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]];
+            let functions = [&[][..], &["GRADIENT_OPACITY"]];
+            for defs in adapters.iter().flat_map(|adapter| functions.map(|of| [*adapter, of].concat())) {
+                let variant = variant.clone().defs([more.to_vec(), defs].concat());
                 // Folding a texture does not change what is bound.
                 list.push((variant.clone().defs(["FOLDED"]), Tuning::SOFTWARE));
                 list.extend(TUNINGS.map(|tuning| (variant.clone(), tuning)));

@@ -1,6 +1,7 @@
 // Builds a tiled deep shadow map: one thread for each texel.
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::gradient_opacity::gradient_factor_at
 #import umbravox::labels::labeled_value_at
 #import umbravox::transfer::extinction_at
 #import umbravox::light::{light, light_ray}
@@ -24,6 +25,14 @@
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 #ifndef MARCHES
+fn extinction_of_point(g: vec3<f32>) -> f32 {
+#ifdef GRADIENT_OPACITY
+    return extinction_at(labeled_value_at(g)) * gradient_factor_at(g);
+#else
+    return extinction_at(labeled_value_at(g));
+#endif
+}
+
 // Returns the optical depth between two depths by the trapezoid rule over point samples of extinction
 // (`precompress=off`).
 fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
@@ -32,7 +41,7 @@ fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
     let a = max(z_from, span.x);
     let b = min(z_to, span.y);
     if !(a < b) { return 0.0; }
-    return 0.5 * (b - a) * (extinction_at(labeled_value_at(o + a * d)) + extinction_at(labeled_value_at(o + b * d)));
+    return 0.5 * (b - a) * (extinction_of_point(o + a * d) + extinction_of_point(o + b * d));
 }
 #endif
 

@@ -5,6 +5,7 @@
 #define_import_path umbravox::random_rays
 
 #import umbravox::field::{field, interpolated_value, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::gradient_opacity::gradient_factor_at
 #import umbravox::labels::{label_shift, shifted_value}
 #import umbravox::light::{light, light_point, light_ray}
 #import umbravox::transfer::extinction_at
@@ -53,7 +54,12 @@ fn extinction_on(ray: ShadowRay, t: f32) -> f32 {
     count_work(SAMPLES, 1u);
     count_step();
     let g = clamp(ray.o + t * ray.d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
-    return extinction_at(shifted_value(interpolated_value(g), label_shift(g)));
+    let extinction = extinction_at(shifted_value(interpolated_value(g), label_shift(g)));
+#ifdef GRADIENT_OPACITY
+    return extinction * gradient_factor_at(g);
+#else
+    return extinction;
+#endif
 }
 
 // Part of a ray in one brick, or in a cube of empty bricks.

@@ -1,6 +1,7 @@
 // Stores the mean extinction of each cell of a summed-area table, in whole steps: one thread for each cell.
 
 #import umbravox::field::{field, brick_distance_at, interpolated_value, BRICK_SHIFT}
+#import umbravox::gradient_opacity::gradient_factor_at
 #import umbravox::labels::{label_shift, shifted_value}
 #import umbravox::sat_table::table
 #import umbravox::transfer::extinction_at
@@ -26,6 +27,15 @@ fn has_values(g: vec3<f32>) -> bool {
     return inside;
 }
 
+fn extinction_of_point(g: vec3<f32>) -> f32 {
+    let extinction = extinction_at(shifted_value(interpolated_value(g), label_shift(g)));
+#ifdef GRADIENT_OPACITY
+    return extinction * gradient_factor_at(g);
+#else
+    return extinction;
+#endif
+}
+
 // Returns the sum of extinction over regular samples of a cell.
 fn sampled_extinction(corner: vec3<f32>) -> f32 {
     let n = table.samples;
@@ -33,7 +43,7 @@ fn sampled_extinction(corner: vec3<f32>) -> f32 {
     var sum = 0.0;
     for (var i = 0u; i < n * n * n; i++) {
         let g = corner + (vec3<f32>(vec3<u32>(i % n, i / n % n, i / (n * n))) + 0.5) * spacing;
-        if has_values(g) { sum += extinction_at(shifted_value(interpolated_value(g), label_shift(g))); }
+        if has_values(g) { sum += extinction_of_point(g); }
     }
     return sum;
 }

@@ -89,7 +89,7 @@ impl DeepShadowMap {
     /// Builds the enclosure of a map with the given tiles; `None` unless the settings ask for one.
     ///
     /// # Errors
-    /// The volume has labels with their own transfer functions, or the adapter cannot hold the curves.
+    /// The volume has labels with their own transfer functions, there is a gradient opacity, or the adapter cannot hold the curves.
     pub(super) fn build_enclosure(
         &self,
         context: &BuildContext<'_>,
@@ -100,6 +100,10 @@ impl DeepShadowMap {
         }
         if context.transfer.has_labels {
             let why = "labels use several transfer functions, whose ranges it cannot take";
+            return Err(Error::input("cannot enclose the transmittance", "enclose=on", why));
+        }
+        if context.transfer.has_gradient_opacity {
+            let why = "the extinction depends on the gradient, whose range it cannot take";
             return Err(Error::input("cannot enclose the transmittance", "enclose=on", why));
         }
         let context = &context.at_once();

@@ -145,7 +145,7 @@ fn growth(boxes: u32, cells: u32) -> f64 {
     if boxes < cells { high } else { 1.0 }
 }
 
-/// Returns the largest extinction of a volume under its transfer function, 1/mm.
+/// Returns the largest extinction of a volume under its transfer function, 1/mm; a gradient opacity only lowers it.
 fn largest_extinction(context: &BuildContext<'_>) -> f64 {
     let DeviceTransfer { has_labels, .. } = context.transfer;
     let [min, max] = match has_labels {

@@ -1,10 +1,12 @@
 //! Conversion of a transfer function from another program's file to a [`TransferFunction`], with warnings about
 //! losses.
 
-use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve};
+use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve, linear};
 use super::sampling::Sampled;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
-use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+use crate::transfer::{
+    ControlPoint, GradientLength, GradientOpacity, MOST_GRADIENT_POINTS, Quantity, TransferFunction,
+};
 
 /// Transfer function read from a file, with the warnings of its import.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +35,8 @@ pub struct Foreign {
     pub color: Vec<CurveNode<3>>,
     /// Way in which colours of the transfer function are interpolated between the nodes of its colour curve.
     pub color_interpolation: Interpolation<3>,
+    /// Curve of the gradient opacity by the gradient magnitude per mean voxel spacing; empty if it is 1 everywhere.
+    pub gradient: Vec<CurveNode<1>>,
     /// Length to which the transfer function's opacities refer, mm; `None` if the file does not give it.
     pub reference_length_mm: Option<f64>,
     /// Warnings about the transfer-function file that were collected so far during its import.
@@ -62,6 +66,7 @@ impl Foreign {
             opacity,
             color,
             color_interpolation: Interpolation::LINEAR,
+            gradient: Vec::new(),
             reference_length_mm: None,
             warnings: Vec::new(),
         }
@@ -133,6 +138,10 @@ impl Foreign {
             points: points.into_iter().map(point).collect(),
             ..TransferFunction::new(Quantity::Opacity, &[])
         };
+        let tf = match self.gradient.iter().all(|node| node.amounts == [1.0]) {
+            true => tf,
+            false => tf.with_gradient_opacity(gradient_opacity(self.gradient, &mut warnings)?),
+        };
         // Checks the rules of this program's own files.
         let tf = TransferFunction::from_json(&tf.to_json())?;
         Ok(Imported { tf, warnings, format: self.format })
@@ -172,6 +181,34 @@ pub fn curve_in_range<const N: usize>(
     Ok(curve)
 }
 
+/// Largest error of the factor between two points of an imported gradient opacity.
+const FACTOR_TOLERANCE: f64 = 1e-3;
+
+/// Converts a curve of another program to a gradient opacity by the gradient magnitude per mean voxel spacing.
+///
+/// # Errors
+/// The nodes are invalid.
+fn gradient_opacity(nodes: Vec<CurveNode<1>>, warnings: &mut Vec<String>) -> Result<GradientOpacity, String> {
+    let curve = curve_in_range(nodes, "gradient opacities", &Interpolation::LINEAR, warnings)?;
+    let mut breaks: Vec<f64> = curve.values().collect();
+    breaks.dedup();
+    let at = |value: f64, side: LimitSide| curve.at(value, side);
+    let error = |want: &[f64; 1], got: &[f64; 1]| (want[0] - got[0]).abs() / FACTOR_TOLERANCE;
+    let sampled = Sampled { breaks, at: &at, between: linear, error: &error };
+    // One more point lies at 0.
+    let (points, worst) = sampled.points(MOST_GRADIENT_POINTS - 1);
+    if worst > 1.0 {
+        let off = worst * FACTOR_TOLERANCE;
+        warnings
+            .push(format!("gradient opacities are off by up to {off:.2e}: there is no room for more points"));
+    }
+    // Magnitudes are not negative, and the factor is constant before the first point.
+    let ahead = points.iter().filter(|p| p.0 > 0.0).map(|(value, [factor])| (*value, *factor));
+    let [at_zero] = curve.at(0.0, LimitSide::From);
+    let opacity = GradientOpacity::new(std::iter::once((0.0, at_zero)).chain(ahead));
+    Ok(opacity.map_err(|why| format!("its gradient opacity: {why}"))?.per(GradientLength::Voxel))
+}
+
 /// Interpolates two points of red, green, blue and opacity like [`TransferFunction`]: colours in linear light,
 /// opacities linearly.
 fn in_linear_light(a: &[f64; 4], b: &[f64; 4], share: f64) -> [f64; 4] {
@@ -184,7 +221,6 @@ fn in_linear_light(a: &[f64; 4], b: &[f64; 4], share: f64) -> [f64; 4] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::curve::linear;
     use super::*;
 
     #[test]

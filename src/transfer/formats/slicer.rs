@@ -3,7 +3,8 @@
 //!
 //! The lines of a `.vp` are: interpolation, shading, diffuse, ambient, specular, specular power, scalar opacity,
 //! gradient opacity and colour. Each of the last three is a count of numbers, then the numbers: value and opacity, or
-//! value and red, green, blue. 3D Slicer's developer guide, *Volume rendering*, names the lines.
+//! value and red, green, blue. 3D Slicer's developer guide, *Volume rendering*, names the lines. Gradients are value units
+//! per mean voxel spacing, as in VTK.
 
 use super::curve::{CurveNode, Interpolation};
 use super::import::{Foreign, Imported};
@@ -45,10 +46,11 @@ pub fn read_vp(text: &str) -> Result<Imported, String> {
     }
     let opacity = points::<2>(&lines, 6, "scalar opacity")?;
     let opacity = opacity.iter().map(|[v, o]| CurveNode::straight(*v, [*o])).collect();
-    warn_of_gradient(points::<2>(&lines, 7, "gradient opacity")?.iter().map(|p| p[1]), &mut warnings);
+    let gradient = points::<2>(&lines, 7, "gradient opacity")?;
+    let gradient = gradient.iter().map(|[g, o]| CurveNode::straight(*g, [*o])).collect();
     let color = points::<4>(&lines, 8, "colour")?;
     let color = color.iter().map(|[v, r, g, b]| CurveNode::straight(*v, [*r, *g, *b])).collect();
-    Foreign { warnings, ..Foreign::new("vp", opacity, color) }.convert()
+    Foreign { warnings, gradient, ..Foreign::new("vp", opacity, color) }.convert()
 }
 
 /// Reads the curve points in a line of a 3D Slicer `.vp` file: a count of numbers, then the numbers. Text after them
@@ -82,13 +84,6 @@ fn warn_of_shading([diffuse, ambient, specular, power]: [f64; 4], warnings: &mut
     ));
 }
 
-fn warn_of_gradient(mut opacities: impl Iterator<Item = f64>, warnings: &mut Vec<String>) {
-    if opacities.any(|o| o != 1.0) {
-        warnings
-            .push("gradient opacity was skipped: uniform regions are denser here than in 3D Slicer".into());
-    }
-}
-
 /// Reads a transfer function from a 3D Slicer `.vp.json` file.
 ///
 /// # Errors
@@ -117,11 +112,12 @@ pub fn read_json(value: &Value) -> Result<Imported, String> {
     }
     let opacity = function(component, "scalarOpacity")?.ok_or("`scalarOpacity` is missing")?;
     let opacity = opacity.iter().map(|point| node(point, [number(point, "y")?])).collect::<Result<_, _>>()?;
-    if !json::is_set(component, "disableGradientOpacity") {
-        let nodes = function(component, "gradientOpacity")?.unwrap_or_default();
-        let all = nodes.iter().map(|point| number(point, "y")).collect::<Result<Vec<_>, _>>()?;
-        warn_of_gradient(all.into_iter(), &mut warnings);
-    }
+    let gradient = match json::is_set(component, "disableGradientOpacity") {
+        true => Vec::new(),
+        false => function(component, "gradientOpacity")?.unwrap_or_default(),
+    };
+    let gradient =
+        gradient.iter().map(|point| node(point, [number(point, "y")?])).collect::<Result<_, _>>()?;
     let color = function(component, "rgbTransferFunction")?.ok_or("`rgbTransferFunction` is missing")?;
     let rgb = |point: &Object| {
         let color = json::list(point, "color")?.and_then(|c| <[f64; 3]>::try_from(c).ok());
@@ -130,6 +126,7 @@ pub fn read_json(value: &Value) -> Result<Imported, String> {
     let color = color.into_iter().map(rgb).collect::<Result<_, String>>()?;
     let foreign = Foreign {
         color_interpolation: Interpolation { has_steps: true, ..Interpolation::LINEAR },
+        gradient,
         reference_length_mm: json::length_mm(component, "scalarOpacityUnitDistance")?,
         warnings,
         ..Foreign::new("vp.json", opacity, color)

@@ -4,7 +4,7 @@
 use super::write::{COLOR_WARNING, OPACITY_WARNING};
 use super::*;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
-use crate::transfer::{MAX_OPACITY, Quantity};
+use crate::transfer::{GradientLength, MAX_OPACITY, Quantity};
 use proptest::prelude::*;
 
 const PARAVIEW: &str = include_str!("../../../tests/formats/transfer/paraview.json");
@@ -15,6 +15,8 @@ const NIIVUE: &str = include_str!("../../../tests/formats/transfer/niivue.json")
 const NIIVUE_RANGE: &str = include_str!("../../../tests/formats/transfer/niivue_range.json");
 const INVIWO: &str = include_str!("../../../tests/formats/transfer/inviwo.itf");
 const INVIWO_OLD: &str = include_str!("../../../tests/formats/transfer/inviwo_old.itf");
+/// Gradient opacity of the file [`VP`].
+const GRADIENT: &str = "0:0.5,255:1,per=voxel";
 const OWN: &str = include_str!("../../../tests/formats/transfer/own.json");
 
 const ALL: [(&str, &str); 9] = [
@@ -131,11 +133,11 @@ fn slicers_lines_are_read_and_the_rest_causes_warnings() {
         ],
     );
     let said = imported.warnings.join("\n");
-    for wanted in ["gradient opacity", "diffuse 0.9, ambient 0.1, specular 0.2, power 10", "1 mm is assumed"]
-    {
+    for wanted in ["diffuse 0.9, ambient 0.1, specular 0.2, power 10", "1 mm is assumed"] {
         assert!(said.contains(wanted), "{wanted}: {said}");
     }
-    assert_eq!(imported.warnings.len(), 3, "{said}");
+    assert_eq!(imported.warnings.len(), 2, "{said}");
+    assert_eq!(imported.tf.gradient_opacity, Some(GRADIENT.parse().unwrap()));
     // Its developer guide puts remarks behind the numbers, and 0 is nearest.
     let remarked: String = VP.lines().map(|line| format!("{line} => remark 1 2\n")).collect();
     assert_eq!(read(&remarked).tf, imported.tf);
@@ -152,8 +154,48 @@ fn slicers_json_also_gives_the_length() {
         said.contains("`nearest`") && said.contains("diffuse 1,") && imported.warnings.len() == 2,
         "{said}"
     );
-    let dropped = VP_JSON.replace(r#"{"x": 0, "y": 1}, "#, r#"{"x": 0, "y": 0.5}, "#);
-    assert!(read(&dropped).warnings.join("\n").contains("gradient opacity"));
+    assert_eq!(imported.tf.gradient_opacity, None, "it is 1 everywhere");
+    let faint = VP_JSON.replace(r#"{"x": 0, "y": 1}, "#, r#"{"x": 0, "y": 0.5}, "#);
+    let opacity = read(&faint).tf.gradient_opacity.unwrap();
+    assert_eq!((opacity.factor(0.0), opacity.length()), (0.5, GradientLength::Voxel));
+}
+
+/// Gradient opacities of curves, negative gradients and many points stay within the tolerance, or cause a warning.
+#[test]
+fn slicers_gradient_opacity_is_sampled() {
+    let with = |gradient: &str| format!("1\n0\n1\n0\n0\n1\n4 0 0 100 1\n{gradient}\n8 0 1 1 1 9 1 1 1\n");
+    let opacity = |gradient: &str| read(&with(gradient)).tf.gradient_opacity;
+    assert_eq!(opacity("4 0 1 255 1"), None);
+    assert_eq!(opacity("4 -1e23 1 1e23 1"), None);
+    assert_eq!(opacity("4 -10 0 10 1"), Some("0:0.5,10:1,per=voxel".parse().unwrap()));
+    assert_eq!(opacity("2 5 0.25"), Some("0:0.25,5:0.25,per=voxel".parse().unwrap()));
+    assert_eq!(opacity("6 0 0 8 0.5 8 1"), Some("0:0,8:0.5,8:1,per=voxel".parse().unwrap()));
+    let many: Vec<String> = (0..40).map(|i| format!("{i} {}", f64::from(i * 7 % 40) / 40.0)).collect();
+    let imported = read(&with(&format!("80 {}", many.join(" "))));
+    assert!(imported.warnings.iter().any(|w| w.contains("gradient opacities are off by")));
+    let line: Vec<String> = (0..40).map(|i| format!("{i} {}", f64::from(i) / 40.0)).collect();
+    assert_eq!(
+        opacity(&format!("80 {}", line.join(" "))),
+        Some("0:0,39:0.975,per=voxel".parse().unwrap()),
+        "points on a line are one segment"
+    );
+    let write = |name: &str, tf: &TransferFunction| {
+        TRANSFER_FORMATS.iter().find(|f| f.name == name).unwrap().write.unwrap()(tf)
+    };
+    for text in ["0:0.25,5:0.25,8:1,per=voxel", "0:0,10:0.75,40:0.75,40:0,per=voxel"] {
+        let mut tf = read(VP).tf;
+        tf.gradient_opacity = Some(text.parse().unwrap());
+        let written = write("vp", &tf).unwrap();
+        let again = read(&written.text).tf.gradient_opacity.unwrap();
+        for g in [0.0, 3.0, 7.0, 9.0, 39.0, 41.0] {
+            let want = tf.gradient_opacity.as_ref().unwrap().factor(g);
+            assert!((again.factor(g) - want).abs() < 1e-3, "{text} at {g}: {again}");
+        }
+        assert!(!written.warnings.join("").contains("gradient"));
+        assert!(write("paraview", &tf).unwrap().warnings.join("").contains("gradient opacity was left out"));
+        tf.gradient_opacity = Some("0:0,3:1".parse().unwrap());
+        assert!(write("vp", &tf).unwrap().warnings.join("").contains("voxels of 1 mm"));
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::import::FRACTION;
 use super::quantity::sample_amounts;
 use super::sampling::{SamplePoint, Sampled};
 use crate::files::color::srgb_from_linear;
-use crate::transfer::{MAX_OPACITY, Quantity, TransferFunction};
+use crate::transfer::{GradientLength, MAX_OPACITY, Quantity, TransferFunction};
 use serde_json::json;
 
 /// Text of an exported transfer-function file, with warnings about features that the file cannot store.
@@ -132,6 +132,9 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
         "RGBPoints": color.iter().flat_map(|(v, [r, g, b])| [*v, *r, *g, *b]).collect::<Vec<f64>>(),
     }]);
     warnings.push("opacities are over 1 mm: set Scalar Opacity Unit Distance to 1".into());
+    if tf.gradient_opacity.is_some() {
+        warnings.push("gradient opacity was left out: ParaView's colour maps have none".into());
+    }
     let text = serde_json::to_string_pretty(&map).map_err(|e| e.to_string())? + "\n";
     Ok(Written { text, warnings })
 }
@@ -158,11 +161,25 @@ pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
             }
         }
         if !is_long {
-            // Trilinear, shaded like Slicer's own presets, without gradient opacity.
-            let text = format!("1\n1\n0.9\n0.1\n0.2\n10\n{}\n4 0 1 255 1\n{}\n", lines[0], lines[1]);
+            let mut warnings = warnings;
+            let gradient = gradient_line(tf, &mut warnings);
+            // Trilinear, shaded like Slicer's own presets.
+            let text = format!("1\n1\n0.9\n0.1\n0.2\n10\n{}\n{gradient}\n{}\n", lines[0], lines[1]);
             return Ok(Written { text, warnings });
         }
     }
+}
+
+/// Formats the line of a 3D Slicer `.vp` file with the gradient opacity, by the gradient magnitude per mean voxel spacing.
+fn gradient_line(tf: &TransferFunction, warnings: &mut Vec<String>) -> String {
+    let Some(opacity) = &tf.gradient_opacity else { return "4 0 1 255 1".into() };
+    if opacity.length() == GradientLength::Mm {
+        warnings.push(
+            "gradient opacity is right for voxels of 1 mm: 3D Slicer measures gradients over a voxel".into(),
+        );
+    }
+    let points = opacity.points().iter().map(|p| (p.magnitude, [p.factor])).collect();
+    line(&extended(separated(points), None))
 }
 
 /// Formats a line of a 3D Slicer `.vp` file: the count of numbers, then scalar value and opacity or colour of each

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use umbravox::transfer::TransferFunction;
 use umbravox::transfer::presets::PRESETS;
 
-const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n6 -100 0 300 0.25 900 1\n4 0 0.5 255 1\n8 -100 0 0 0 900 1 1 1\n";
+const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n6 -100 0 300 0.25 900 1\n4 0 1 255 1\n8 -100 0 0 0 900 1 1 1\n";
 const PARAVIEW: &str = r#"[{"ColorSpace": "Lab", "Name": "Bones",
     "Points": [-100, 0, 0.5, 0, 300, 0.25, 0.5, 0, 900, 1, 0.5, 0], "RGBPoints": [-100, 0, 0, 0, 900, 1, 1, 1]}]"#;
 
@@ -63,15 +63,15 @@ fn files_of_other_programs_are_converted_and_reported() {
     let (out, err) = done(dir.path(), &["tf", "convert", "a.vp", "-o", "a.json", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert_eq!((json["from"].as_str(), json["to"].as_str()), (Some("vp"), Some("umbravox")));
-    assert_eq!(json["warnings"].as_array().unwrap().len(), 3);
-    assert!(err.lines().all(|l| l.starts_with("warning: ")) && err.contains("gradient opacity"), "{err}");
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 2);
+    assert!(err.lines().all(|l| l.starts_with("warning: ")) && err.contains("shading was skipped"), "{err}");
     let own = TransferFunction::read(&dir.path().join("a.json")).unwrap();
     assert!((own.amount(100.0) - 0.125).abs() < 1e-9 && own.name == "a");
     // The foreign file itself gives the same function and the same warnings.
     let converted = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.json"]);
     let (itself, said) = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.vp"]);
     assert!(itself > 0.0 && itself == converted.0, "{itself} {}", converted.0);
-    assert_eq!(said.lines().filter(|l| l.starts_with("warning: ")).count(), 3, "{said}");
+    assert_eq!(said.lines().filter(|l| l.starts_with("warning: ")).count(), 2, "{said}");
     let (paraview, said) = depth(dir.path(), &["phantom:thorax:16", "--tf", "b.json"]);
     assert!(
         (paraview / itself - 1.0).abs() < 1e-12 && said.contains("L*a*b*"),
@@ -129,6 +129,76 @@ fn opacity_scale_is_a_factor_of_optical_depth() {
             fs::write(dir.path().join("s.toml"), text).unwrap();
             assert_eq!(depth(dir.path(), &["--scene", "s.toml"]).0, scaled);
         }
+    }
+}
+
+/// A gradient opacity by flag, scene file, file of this program or of 3D Slicer is one function; `none` removes it.
+#[test]
+fn gradient_opacity_is_given_in_every_way() {
+    let dir = tempfile::tempdir().unwrap();
+    const VOLUME: &str = "phantom:thorax:16";
+    let with = |more: &[&str]| depth(dir.path(), &[&[VOLUME][..], more].concat());
+    let (plain, said) = with(&["--tf", "bone"]);
+    assert!(!said.contains("gradient opacity"), "{said}");
+    let opacity = "0:0.25,300:1";
+    let (by_flag, said) = with(&["--tf", "bone", "--gradient-opacity", opacity]);
+    assert!(by_flag < 0.95 * plain && by_flag > 0.25 * plain, "{by_flag} {plain}");
+    assert!(said.contains("note: gradient opacity 0:0.25,300:1"), "{said}");
+    let scene = format!("volume = '{VOLUME}'\ntf = 'bone'\ngradient-opacity = '{opacity}'");
+    fs::write(dir.path().join("s.toml"), scene).unwrap();
+    assert_eq!(depth(dir.path(), &["--scene", "s.toml"]).0, by_flag);
+    assert_eq!(depth(dir.path(), &["--scene", "s.toml", "--gradient-opacity", "none"]).0, plain);
+
+    let bone = PRESETS.iter().find(|p| p.name == "bone").unwrap().transfer_function();
+    let file = bone.clone().with_gradient_opacity(opacity.parse().unwrap());
+    file.write(&dir.path().join("own.json")).unwrap();
+    assert_eq!(with(&["--tf", "own.json"]).0, by_flag);
+    assert_eq!(with(&["--tf", "own.json", "--gradient-opacity", "none"]).0, plain);
+
+    let faint = VP.replace("4 0 1 255 1", "4 0 0.25 255 1");
+    for (name, text) in [("plain.vp", VP), ("faint.vp", &faint)] {
+        fs::write(dir.path().join(name), text).unwrap();
+    }
+    let [plain, slicer] = ["plain.vp", "faint.vp"].map(|tf| with(&["--tf", tf]).0);
+    assert!(slicer < 0.99 * plain && slicer > 0.25 * plain, "{slicer} {plain}");
+    let by_voxel = with(&["--tf", "plain.vp", "--gradient-opacity", "0:0.25,255:1,per=voxel"]).0;
+    assert_eq!(by_voxel, slicer);
+    let by_mm = with(&["--tf", "plain.vp", "--gradient-opacity", "0:0.25,255:1"]).0;
+    assert!((by_mm - slicer).abs() > 1e-3, "voxels of thorax:16 are wider than 1 mm");
+    for output in ["a.json", "a.vp"] {
+        done(dir.path(), &["tf", "convert", "faint.vp", "-o", output]);
+        let again = with(&["--tf", output]).0;
+        assert!((again / slicer - 1.0).abs() < 2e-3, "{output}: {again} {slicer}");
+    }
+    let (_, said) = done(dir.path(), &["tf", "convert", "faint.vp", "--to", "paraview", "-o", "p.json"]);
+    assert!(said.contains("gradient opacity was left out"), "{said}");
+}
+
+#[test]
+fn gradient_opacity_is_refused_where_it_has_no_counterpart() {
+    let dir = tempfile::tempdir().unwrap();
+    done(dir.path(), &["phantom", "slab:8", "-o", "labels.nii.gz"]);
+    let bone = PRESETS.iter().find(|p| p.name == "bone").unwrap().transfer_function();
+    let own = bone.with_gradient_opacity("0:0,5:1".parse().unwrap());
+    own.write(&dir.path().join("own.json")).unwrap();
+    let opacity = ["--gradient-opacity", "0:0,5:1"];
+    fs::write(dir.path().join("rays.txt"), "-5 1 2 5 2 1\n").unwrap();
+    let refuse = |args: &[&str], why: &str| {
+        let error = refused(dir.path(), args);
+        assert!(error.contains(why), "{args:?}: {error}");
+    };
+    let phantom = "phantom:slab:8";
+    refuse(&[&["export", phantom, "-o", "a.html"], &opacity[..]].concat(), "pages show no gradient opacity");
+    refuse(
+        &[&["export", phantom, "--ambient", "0", "--mitsuba", "out"], &opacity[..]].concat(),
+        "gradient opacity has no counterpart",
+    );
+    let labelled = ["--labels", "labels.nii.gz", "--label-tf", "0=own.json", "--rays", "rays.txt"];
+    refuse(&[&["probe", phantom], &labelled[..]].concat(), "has a gradient opacity");
+    for (text, why) in
+        [("5", "is not a list"), ("0:2", "must be in [0, 1]"), ("9:0,5:1", "less than the one before")]
+    {
+        refuse(&["render", "--gradient-opacity", text, "-o", "a.png"], why);
     }
 }
 

@@ -3,6 +3,7 @@
 mod brute_force;
 mod closed_forms;
 mod curve;
+mod gradient;
 mod invariances;
 mod light_mean;
 mod phantoms;
