@@ -56,6 +56,7 @@ impl RenderProgress {
 
     /// Shows another step of a single picture.
     pub fn show_step(&self, what: &str) {
+        self.rays_began.set(None);
         self.show(what, 1.0);
     }
 

@@ -25,7 +25,7 @@ pub struct CachedSession {
 }
 
 /// Intended duration of the submissions of [`Prepared::render_watched`], ms.
-const WATCHED_SUBMISSION_MS: f64 = 600.0;
+const WATCHED_SUBMISSION_MS: f64 = 200.0;
 
 /// Everything on the device that a picture or a query for transmittance needs: volume, transfer-function tables, and
 /// shadow maps of one method.
@@ -49,7 +49,7 @@ impl Prepared<'_> {
         self.renderer.render(self.loaded, self.transfer, self.shadows.clone(), scene)
     }
 
-    /// Renders a picture like [`Self::render`], in several submissions if it has more than about 300,000 pixels. `watch`
+    /// Renders a picture like [`Self::render`], in several submissions if it has more than about 100,000 pixels. `watch`
     /// receives the share of the picture that is drawn, 0 to 1.
     ///
     /// # Errors

@@ -61,7 +61,10 @@ impl GradientLaws {
             if b.magnitude > magnitude {
                 cuts.push(magnitude);
                 let slope = (b.factor - factor) / (b.magnitude - magnitude);
-                ramps.push(FactorRamp { magnitude, factor, slope });
+                ramps.push(match slope == 0.0 {
+                    true => FactorRamp::constant(factor),
+                    false => FactorRamp { magnitude, factor, slope },
+                });
             }
         }
         if let Some(last) = points.last() {
@@ -80,7 +83,7 @@ impl GradientLaws {
         let ends = self.cuts_along(&gradient);
         let mut pending: Option<([f64; 2], FactorRamp)> = None;
         let mut emit = |[from, to]: [f64; 2], ramp: FactorRamp| {
-            if ramp != FactorRamp::constant(0.0) {
+            if (ramp.factor, ramp.slope) != (0.0, 0.0) {
                 visit([from, to], Factor { ramp, gradient });
             }
         };

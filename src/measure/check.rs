@@ -76,7 +76,10 @@ pub fn check(
     shadow: &ShadowMap,
     scene: &Scene,
 ) -> Result<Option<Check>> {
-    let Some(cells) = method.by_cells() else { return Ok(None) };
+    // Neither march follows the jumps of a gradient opacity exactly.
+    let Some(cells) = method.by_cells().filter(|_| !session.transfer.has_gradient_opacity) else {
+        return Ok(None);
+    };
     let by_cells = session.shadow_of(cells.as_ref(), scene, scene.light())?;
     let space = &shadow.light_space;
     let depth_mm = space.step_mm;

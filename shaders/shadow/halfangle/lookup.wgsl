@@ -21,7 +21,7 @@ fn optical_depth_at(record: u32, share: f32) -> f32 {
 #ifdef CONSTANT
     let depth = first;
 #else
-    let depth = mix(first, behind[at], share);
+    let depth = max(mix(first, behind[at], share), 0.0);
 #endif
     return select(depth, 0.0, record == NO_TILE);
 }
@@ -33,8 +33,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
     // Nothing with extinction lies in front of the map's depth range, or outside the map.
     if p.z <= light.depth_start_mm { return 1.0; }
     if !(all(p.texel >= vec2<f32>(-MARGIN)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
-    // A segment of an eye ray may end behind the section: its optical depth goes on with the same slope.
-    let share = max((section_coordinate(g) - section.start) / (section.end - section.start), 0.0);
+    // A segment of an eye ray may end outside the section: its optical depth goes on with the same slope.
+    let share = (section_coordinate(g) - section.start) / (section.end - section.start);
     let taps = taps_around(p.texel);
     var sum = 0.0;
     var i = 0u;

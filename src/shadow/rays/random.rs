@@ -75,7 +75,8 @@ fn brick_extinctions(bricks: &Bricks, transfer: &DeviceTransfer, has_control: bo
     distances
         .map(|(brick, distance)| {
             let [least, largest] = if *distance == 0 { range(brick) } else { [0.0; 2] };
-            let control = if has_control { least } else { 0.0 };
+            // A gradient opacity may lower the extinction to 0 anywhere.
+            let control = if has_control && !transfer.has_gradient_opacity { least } else { 0.0 };
             [control, ROUNDING * largest - control].map(|extinction| (extinction as f32).to_bits())
         })
         .collect()
