@@ -130,7 +130,9 @@ impl CachedMap {
             return covers;
         }
         let (space, volume, active) = (&self.map.light_space, &source.loaded.volume, &source.transfer.active);
-        let covers = self.map.serves_sections(view.as_ref())
+        // Without a view, only points are asked.
+        let in_view = view.is_none() || self.map.sections.as_ref().is_none_or(|s| s.serves(view.as_ref()));
+        let covers = in_view
             && match reuse {
                 ReusePolicy::Covering => space.serves(volume, active, self.light.light, view.as_ref()),
                 ReusePolicy::Exact => space.is_fitted_to(volume, active, self.light.light, view.as_ref()),

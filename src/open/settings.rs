@@ -54,9 +54,8 @@ pub struct SceneSettings {
     /// Factor of the transfer function's extinction [default: 1; by the volume's size for presets]
     #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::within(1e-6..=1e6), allow_hyphen_values = true, help_heading = "Scene")]
     pub opacity_scale: Option<f64>,
-    /// Gradient opacity: factors from 0 to 1 on the extinction by the gradient magnitude of the value (value units per mm),
-    /// linear in between, optionally ,per=voxel for value units per mean voxel spacing; or none [default: that of the
-    /// transfer function's file]
+    /// Factors from 0 to 1 on the extinction by gradient magnitude, per mm or with ,per=voxel at the end; or none [default:
+    /// as the transfer function's file]
     #[arg(id = "gradient-opacity", long, value_name = "GRADIENT:FACTOR,...", allow_hyphen_values = true, help_heading = "Scene")]
     pub gradient_opacity: Option<GradientOpacity>,
     /// Interpret values as HU (hu) or as fractions of their range (fraction), which decides how presets are scaled

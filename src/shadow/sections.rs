@@ -1,7 +1,6 @@
 //! Sections of a shadow structure: slabs of the volume for which it answers one after the other, while the picture is
 //! drawn.
 
-use super::method::ShadowMap;
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, View, grid_from_world};
 use crate::gpu::{Group, ShaderVariant, StorageBuffer};
@@ -33,13 +32,6 @@ impl Sections {
     /// Whether the sections can be drawn in a view.
     pub fn serves(&self, view: Option<&View>) -> bool {
         self.view.as_ref().zip(view).is_some_and(|(own, view)| own.holds(view))
-    }
-}
-
-impl ShadowMap {
-    /// Whether a shadow map in sections can be drawn in a view; `true` for others. Without a view, only points are asked.
-    pub fn serves_sections(&self, view: Option<&View>) -> bool {
-        view.is_none() || self.sections.as_ref().is_none_or(|sections| sections.serves(view))
     }
 }
 

@@ -11,7 +11,7 @@
 @group(1) @binding(4) var<storage, read> behind: array<f32>;
 
 // Distance from the centres of the outermost texels up to which a query reads them, in texels.
-const MARGIN: f32 = f32((TAPS_ACROSS + 1u) / 2u) - 0.5;
+const EDGE_TEXELS: f32 = f32((TAPS_ACROSS + 1u) / 2u) - 0.5;
 
 // Returns the optical depth of a texel at a share of the distance between the two slices.
 fn optical_depth_at(record: u32, share: f32) -> f32 {
@@ -29,10 +29,10 @@ fn optical_depth_at(record: u32, share: f32) -> f32 {
 // Returns the transmittance from the light to a grid-space point of the section.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    let last = f32(light.map_size) - 1.0 + MARGIN;
+    let last = f32(light.map_size) - 1.0 + EDGE_TEXELS;
     // Nothing with extinction lies in front of the map's depth range, or outside the map.
     if p.z <= light.depth_start_mm { return 1.0; }
-    if !(all(p.texel >= vec2<f32>(-MARGIN)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
+    if !(all(p.texel >= vec2<f32>(-EDGE_TEXELS)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
     // A segment of an eye ray may end outside the section: its optical depth goes on with the same slope.
     let share = (section_coordinate(g) - section.start) / (section.end - section.start);
     let taps = taps_around(p.texel);
