@@ -1,8 +1,6 @@
 """What comes with the module: its types, and the notebooks."""
 
-import inspect
 import os
-import pydoc
 import subprocess
 import sys
 from pathlib import Path
@@ -57,10 +55,3 @@ def test_the_notebook_runs(path, adapter, tmp_path):
     kinds = {kind for cell in done.cells if cell.cell_type == "code" for o in cell.outputs for kind in o.get("data", {})}
     assert "image/png" in kinds, "it shows no picture"
     assert path.stem != "transfer_functions" or "application/vnd.jupyter.widget-view+json" in kinds
-
-
-def test_signatures_name_the_arguments_of_scenes():
-    names = set(uv.arguments()) - {"volume"}
-    for function in uv.Scene, uv.render, uv.transmittance, uv.compare:
-        assert names <= set(inspect.signature(function).parameters), function
-    assert "tf=None" in pydoc.plain(pydoc.render_doc(uv.Scene))

@@ -85,21 +85,6 @@ def srgb8(picture):
     return np.round(255.0 * codes).astype(np.uint8)
 
 
-def _with_keywords(function):
-    """Adds the names of ``arguments()`` to the signature of a function, for ``help`` and Tab."""
-    import inspect
-
-    signature = inspect.signature(function)
-    *given, others = signature.parameters.values()
-    new = [name for name in arguments() if name not in signature.parameters]
-    keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in new]
-    function.__signature__ = signature.replace(parameters=[*given, *keywords, others])
-
-
-for _function in Scene, render, transmittance, compare:
-    _with_keywords(_function)
-
-
 def __getattr__(name):
     # Imported when it is used, because anywidget is optional.
     if name == "Widget":
