@@ -6,8 +6,7 @@
 //! are advanced slice by slice: only two light buffers exist at a time, whatever the number of slices. If the light comes
 //! from behind the volume, the view is reversed, and slices are drawn from back to front.
 //!
-//! The papers were not read in full; the method follows their abstracts and the description in Engel et al. 2006,
-//! *Real-Time Volume Graphics*, as later papers cite them. Deviations, and why:
+//! The papers were not read; the method follows descriptions in later work. Deviations, and why:
 //! * The slab between two slices is marched by the ray caster of all methods, at its own samples. The papers draw one
 //!   textured polygon for each slice, so that slices are the samples of the picture, too.
 //! * `between=linear` interpolates the optical depth between the two slices around a point. The papers take the light at
