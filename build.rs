@@ -1,5 +1,5 @@
-//! Sets the revision of the program: `UMBRAVOX_REVISION` is the commit, with `+changes` and a hash of them where the sources
-//! differ from it. Outside a git checkout it is that of the environment, or `unknown`.
+//! Sets the revision of the program: `BUILT_REVISION` is the commit, with `+changes` and a hash of them where the sources
+//! differ from it. Outside a git checkout it is `UMBRAVOX_REVISION` of the environment, or `unknown`.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -11,8 +11,10 @@ const SOURCES: [&str; 6] = ["build.rs", "Cargo.toml", "Cargo.lock", "shaders", "
 fn main() {
     println!("cargo:rerun-if-env-changed=UMBRAVOX_REVISION");
     let given = || std::env::var("UMBRAVOX_REVISION").ok().filter(|given| !given.is_empty());
+    // Of another name than the variable above: cargo sets this one for tests too, and a test that calls cargo would build
+    // the library again.
     println!(
-        "cargo:rustc-env=UMBRAVOX_REVISION={}",
+        "cargo:rustc-env=BUILT_REVISION={}",
         revision().or_else(given).unwrap_or_else(|| "unknown".into())
     );
     for path in SOURCES {

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Runs the tests and prints a summary: what ran, what failed, how many tests were skipped and why, how long it took.
-# usage: test.sh [quick|test|full]    quick: the library's unit tests and the tests without a device; test (the default):
-# every test, the slow ones at a small size; full: every test at full size, the example method and every software Vulkan
+# usage: test.sh [quick|test|ci|full]    quick: the library's unit tests and the tests without a device; test (the default):
+# every test, the slow ones at a small size; ci: these, the Python module's wheel and notebooks, the example method and every
+# software Vulkan; full: the same with every test at full size
 set -euo pipefail
 cd "$(dirname "$0")/.."
 run=${1:-test}
@@ -41,9 +42,11 @@ if [[ $run == quick ]]; then
 else
     step "compile" "$cargo" test --locked --no-run
     step "run" "$cargo" test --locked --no-fail-fast -- --show-output
-    step "Python module" scripts/python.sh
+    python_size=${UMBRAVOX_TESTS:-}
+    [[ $run != ci ]] || python_size=full
+    step "Python module" env UMBRAVOX_TESTS="$python_size" scripts/python.sh
 fi
-if [[ $run == full ]]; then
+if [[ $run == ci || $run == full ]]; then
     # Another feature compiles the library again: without optimisation, since three short tests use it.
     step "example method" "$cargo" test --locked --config profile.dev.package.umbravox.opt-level=0 --features half \
         --test half -- --show-output

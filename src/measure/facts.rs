@@ -12,7 +12,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Git commit that this program was built from, with `+changes` for modified sources, or `unknown` for a build
 /// outside a checkout.
-pub const REVISION: &str = env!("UMBRAVOX_REVISION");
+pub const REVISION: &str = env!("BUILT_REVISION");
 
 /// Hardware, driver and program version that a measurement was made with.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
