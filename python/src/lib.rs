@@ -13,7 +13,7 @@ mod scene_volume;
 mod state;
 mod volume;
 
-use numpy::{PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ffi::OsString;
@@ -84,7 +84,7 @@ fn method_specs(methods: Option<&Bound<'_, PyAny>>) -> fault::Outcome<Vec<String
 }
 
 /// Names of the keyword arguments with which a scene is made, with their help texts.
-#[pyfunction]
+#[pyfunction(name = "arguments")]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
     for (key, help) in SceneRequest::keys() {
@@ -100,13 +100,13 @@ fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyfunction]
 #[pyo3(signature = (path, picture, *, transparent=false))]
 fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -> fault::Outcome<()> {
-    let expected = |why: String| fault::Fault::input("cannot write picture", "picture", why);
-    let picture = points::aligned_array(picture, Some("f4")).map_err(|e| expected(e.to_string()))?;
-    let picture: PyReadonlyArray3<'_, f32> = picture.extract().map_err(|e: PyErr| expected(e.to_string()))?;
-    if picture.shape()[2] != 4 {
-        let why = format!("its shape is {:?}; expected height x width x 4", picture.shape());
-        return Err(fault::Fault::input("cannot write picture", "picture", why));
+    let refuse = |why: String| fault::Fault::input("cannot write picture", "picture", why);
+    let picture = points::aligned_array(picture, Some("f4")).map_err(|e| refuse(e.to_string()))?;
+    let shape = picture.cast::<PyUntypedArray>().map_err(PyErr::from)?.shape().to_vec();
+    if !matches!(shape[..], [_, _, 4]) {
+        return Err(refuse(format!("its shape is {shape:?}; expected height x width x 4")));
     }
+    let picture: PyReadonlyArray3<'_, f32> = picture.extract().map_err(|e: PyErr| refuse(e.to_string()))?;
     let backdrop = if transparent { Backdrop::LeftOut } else { Backdrop::Drawn };
     Ok(write_picture_with(&path, &picture.as_array().to_owned(), backdrop, &[])?)
 }

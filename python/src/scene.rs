@@ -21,6 +21,7 @@ use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, picture_png, with_texts, write_picture_with};
 use umbravox::measure::errors::mean_of_maps;
+use umbravox::open::presets::default_as;
 use umbravox::open::{SceneRequest, SceneSettings};
 use umbravox::shadow::ShadowMap;
 
@@ -367,10 +368,11 @@ impl PyScene {
     }
 
     fn __repr__(&self) -> String {
-        let about = &self.state.input.volume.provenance;
+        let volume = &self.state.input.volume;
+        let default = || default_as(volume, self.base.settings.units).0.to_owned();
         let function = self.base.function.as_ref().map(|f| f.name.clone());
-        let tf = function.or_else(|| self.base.settings.tf.clone()).unwrap_or_else(|| "default".into());
-        format!("<Scene {}, tf {tf}>", about.source)
+        let tf = function.or_else(|| self.base.settings.tf.clone()).unwrap_or_else(default);
+        format!("<Scene {}, tf {tf}>", volume.provenance.source)
     }
 }
 

@@ -1,6 +1,9 @@
 """Tables whose rows are measured by workers of Dask, in processes of their own."""
 
 import os
+import signal
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -87,6 +90,32 @@ def test_a_worker_that_ends_is_an_error_of_one_line(client):
         uv.compare(KillsItsProcess(), "none", np.eye(4), client=client)
     assert "\n" not in caught.value.why and caught.value.what == "cannot compare on workers"
     client.wait_for_workers(2, timeout=60)
+    assert len(uv.compare(methods="none", client=client, **scene(), **EFFORT)) == 1
+
+
+def test_an_interrupt_ends_the_table_and_its_rows(client):
+    # A program that is started in the background inherits a handler that ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupt(step):
+        if step["done"] == 1:
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    # Enough rows that most of them wait when the interrupt comes.
+    methods = "dsm:map=" + ",".join(str(side) for side in range(32, 232, 2))
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            uv.compare(methods=methods, client=client, progress=interrupt, **scene(), **EFFORT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+    def rows(dask_scheduler):
+        return [key for key in dask_scheduler.tasks if str(key).startswith("umbravox-compare")]
+
+    deadline = time.monotonic() + 60
+    while client.run_on_scheduler(rows):
+        assert time.monotonic() < deadline, client.run_on_scheduler(rows)
+        time.sleep(0.1)
     assert len(uv.compare(methods="none", client=client, **scene(), **EFFORT)) == 1
 
 

@@ -77,6 +77,8 @@ def test_pictures_on_the_screen_are_those_of_the_file(adapter, tmp_path):
     picture = uv.render("phantom:thorax:24", size=(32, 24))
     uv.write_picture(tmp_path / "x.png", picture)
     assert np.array_equal(np.round(255 * image.imread(tmp_path / "x.png")[..., :3]), uv.srgb8(picture))
+    with pytest.raises(uv.InputError, match=r"its shape is \[24, 32\]; expected height x width x 4"):
+        uv.write_picture(tmp_path / "x.png", picture[..., 0])
 
 
 def test_transmittances_are_those_of_probe(program, adapter, tmp_path):

@@ -1,6 +1,8 @@
 """What comes with the module: its types, and the notebooks."""
 
+import inspect
 import os
+import pydoc
 import subprocess
 import sys
 from pathlib import Path
@@ -31,8 +33,11 @@ def test_the_types_know_every_argument():
     assert uv.Scene.render.__doc__ and uv.Volume.__doc__
 
 
-def test_the_types_are_those_of_the_module():
-    line = [sys.executable, "-m", "mypy.stubtest", "umbravox", "--ignore-missing-stub", "--allowlist", "/dev/null"]
+def test_the_types_are_those_of_the_module(tmp_path):
+    # Their stubs take the keywords of scenes together, and `test_the_types_know_every_argument` compares those.
+    with_keywords = ["umbravox.Scene.__init__", "umbravox.compare", "umbravox.render", "umbravox.transmittance"]
+    (tmp_path / "allowed").write_text("\n".join(with_keywords))
+    line = [sys.executable, "-m", "mypy.stubtest", "umbravox", "--ignore-missing-stub", "--allowlist", tmp_path / "allowed"]
     told = subprocess.run(line, capture_output=True, text=True, cwd=ROOT / "python" / "tests")
     assert told.returncode == 0, told.stdout + told.stderr
 
@@ -55,3 +60,10 @@ def test_the_notebook_runs(path, adapter, tmp_path):
     kinds = {kind for cell in done.cells if cell.cell_type == "code" for o in cell.outputs for kind in o.get("data", {})}
     assert "image/png" in kinds, "it shows no picture"
     assert path.stem != "transfer_functions" or "application/vnd.jupyter.widget-view+json" in kinds
+
+
+def test_signatures_name_the_arguments_of_scenes():
+    names = set(uv.arguments()) - {"volume"}
+    for function in uv.Scene, uv.render, uv.transmittance, uv.compare:
+        assert names <= set(inspect.signature(function).parameters), function
+    assert "tf=None" in pydoc.plain(pydoc.render_doc(uv.Scene))

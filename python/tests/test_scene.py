@@ -287,3 +287,10 @@ def test_lights_at_infinity_are_directions(adapter, scene):
         np.testing.assert_array_equal(scene.render(light=same), expected)
     with pytest.raises(uv.InputError, match="light"):
         scene.render(light=(0, 1))
+
+
+def test_a_scene_is_shown_by_volume_and_transfer_function():
+    voxels, affine = small()
+    assert repr(uv.Scene("phantom:slab:8", tf="engine")) == "<Scene phantom:slab:8, tf engine>"
+    assert repr(uv.Scene("phantom:thorax:8")).endswith(f", tf {next(iter(uv.presets()))}>")
+    assert repr(uv.Scene(voxels, affine, tf=FUNCTION)).endswith(f", tf {FUNCTION['name']}>")

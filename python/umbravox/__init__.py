@@ -21,9 +21,8 @@ Lengths are world millimetres, extinction is 1/mm, optical depth its line integr
 """
 
 from ._errors import Error, InputError, RunError
-from ._umbravox import Scene, Volume, __version__, methods, presets, read, write_picture
+from ._umbravox import Scene, Volume, __version__, arguments, methods, presets, read, write_picture
 from ._types import Camera, Cost, Step
-from ._umbravox import arguments_of_scenes as arguments
 
 __all__ = [
     "Camera",
@@ -83,6 +82,21 @@ def srgb8(picture):
     linear = np.clip(picture[..., :3], 0.0, 1.0)
     codes = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255.0 * codes).astype(np.uint8)
+
+
+def _with_keywords(function):
+    """Adds the names of ``arguments()`` to the signature of a function, for ``help`` and Tab."""
+    import inspect
+
+    signature = inspect.signature(function)
+    *given, others = signature.parameters.values()
+    new = [name for name in arguments() if name not in signature.parameters]
+    keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in new]
+    function.__signature__ = signature.replace(parameters=[*given, *keywords, others])
+
+
+for _function in Scene, render, transmittance, compare:
+    _with_keywords(_function)
 
 
 def __getattr__(name):
