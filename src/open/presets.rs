@@ -277,7 +277,7 @@ pub fn own_text(path: &Path) -> Result<String> {
 
 /// Returns the default transfer-function preset of a volume, and a note for the user if the values' units were
 /// guessed not to be HU.
-pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
+pub fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
     let meaning = Meaning::of(volume, units);
     let name = default_of(&meaning);
     let needs_note = meaning.is_guess && meaning.kind == ValueKind::Other;
