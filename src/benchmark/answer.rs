@@ -14,7 +14,10 @@ pub struct Answer {
     /// Shadow method with the settings that the search found, in the syntax of `--shadow`; empty if none is within the
     /// budget, or the command of an external program.
     pub settings: String,
-    /// Memory of the shadow map, bytes.
+    /// Number of samples of a light with a size, each with a shadow map; `None` for a light without a size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_samples: Option<u32>,
+    /// Memory of the shadow maps, bytes.
     pub bytes: Option<u64>,
     /// Time to build the shadow map, ms; only for budgets of time.
     pub build_ms: Option<f64>,

@@ -24,6 +24,8 @@ pub struct Definition {
     pub version: u32,
     /// Number of visible points in each cell at which transmittance is compared.
     pub points: usize,
+    /// Number of visible points in each cell under a light with a size.
+    soft_points: usize,
     /// Keys of the scene file that all cells share.
     scene: Table,
     light: Vec<NamedLight>,
@@ -41,6 +43,9 @@ struct NamedLight {
     light: Option<String>,
     /// Position of a point light from the centre of the volume's box, in units of half its diagonal.
     offset: Option<DVec3>,
+    /// Whether the light has a size.
+    #[serde(default)]
+    soft: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -100,24 +105,22 @@ pub struct Cell {
     pub function: &'static str,
     light: usize,
     view: usize,
+    /// Whether the light of this cell has a size.
+    pub is_soft: bool,
     /// Name of the cell, `VOLUME-FUNCTION-LIGHT-VIEW`.
     pub name: String,
 }
 
 impl Cell {
-    /// Whether two cells differ at most in light and view, so that one search for settings can start the other.
+    /// Whether two cells differ at most in light and view.
     pub fn is_beside(&self, other: &Self) -> bool {
         (self.volume, self.function) == (other.volume, other.function)
     }
 
-    /// Whether this is the first cell of its volume and transfer function, for which the full search is made.
-    pub fn is_first(&self) -> bool {
-        (self.light, self.view) == (0, 0)
-    }
-
-    /// Returns the first cell among `cells` of this cell's volume and transfer function.
+    /// Returns the first cell among `cells` of this cell's volume and transfer function and with a light of its kind, with
+    /// or without a size. The full search for settings is made there, and starts those of the other cells.
     pub fn first<'a>(&self, cells: &'a [Self]) -> Option<&'a Self> {
-        cells.iter().find(|cell| self.is_beside(cell))
+        cells.iter().find(|cell| self.is_beside(cell) && cell.is_soft == self.is_soft)
     }
 }
 
@@ -131,20 +134,28 @@ impl Definition {
             .map_err(|e| Error::runtime(WHAT, "cells.toml", e.message()))
     }
 
-    /// Returns all cells of the benchmark: all combinations of volumes, transfer functions, lights and views.
+    /// Returns all cells of the benchmark: all combinations of volumes, transfer functions, lights and views, but lights
+    /// with a size have the first view alone.
     pub fn cells(&self) -> Vec<Cell> {
         let mut cells = Vec::new();
         for (volume, named) in self.volume.iter().enumerate() {
             for function in FUNCTIONS {
                 for (light, of_light) in self.light.iter().enumerate() {
-                    for (view, of_view) in self.view.iter().enumerate() {
+                    let is_soft = of_light.soft;
+                    let views = if is_soft { &self.view[..1] } else { &self.view };
+                    for (view, of_view) in views.iter().enumerate() {
                         let name = format!("{}-{function}-{}-{}", named.name, of_light.name, of_view.name);
-                        cells.push(Cell { volume, function, light, view, name });
+                        cells.push(Cell { volume, function, light, view, is_soft, name });
                     }
                 }
             }
         }
         cells
+    }
+
+    /// Returns the number of visible points of a cell.
+    pub fn points_of(&self, cell: &Cell) -> usize {
+        if cell.is_soft { self.soft_points } else { self.points }
     }
 
     /// Returns the cells whose names match one of the patterns: `*` stands for any text, and commas separate patterns.
@@ -230,10 +241,11 @@ mod tests {
         let definition = Definition::frozen().unwrap();
         let cells = definition.cells();
         assert!(definition.volume.len() >= 12);
-        assert_eq!(cells.len(), definition.volume.len() * 3 * 4 * 3);
+        assert_eq!(cells.len(), definition.volume.len() * 3 * (4 * 3 + 2));
         let names: HashSet<_> = cells.iter().map(|cell| &cell.name).collect();
         assert_eq!(names.len(), cells.len());
-        assert_eq!(cells.iter().filter(|cell| cell.is_first()).count(), definition.volume.len() * 3);
+        let first = |cell: &Cell| cell.first(&cells).is_some_and(|first| first == cell);
+        assert_eq!(cells.iter().filter(|cell| first(cell)).count(), definition.volume.len() * 3 * 2);
     }
 
     #[test]
@@ -241,8 +253,8 @@ mod tests {
         let definition = Definition::frozen().unwrap();
         let count = |patterns: &str| definition.cells_like(patterns).map(|cells| cells.len());
         assert_eq!(count("*").unwrap(), definition.cells().len());
-        assert_eq!(count("cloud-*,smoke-thin-*").unwrap(), 36 + 12);
-        assert_eq!(count("cloud-thin-front-close,cloud-*").unwrap(), 36);
+        assert_eq!(count("cloud-*,smoke-thin-*").unwrap(), 42 + 14);
+        assert_eq!(count("cloud-thin-front-close,cloud-*").unwrap(), 42);
         for bad in ["", "clouds-*", "cloud-[", "cloud-*,x"] {
             assert_eq!(count(bad).unwrap_err().exit_status(), 2, "{bad}");
         }
@@ -258,5 +270,14 @@ mod tests {
         assert_eq!(settings.zoom, Some(2.5));
         let position = DVec3::new(44.0, 28.0, 33.0);
         assert_eq!(settings.light, Some(vec![Light::Point { position }.into()]));
+    }
+
+    #[test]
+    fn lights_with_a_size_are_marked() {
+        let definition = Definition::frozen().unwrap();
+        for light in &definition.light {
+            let source = light.light.as_ref().map(|text| crate::open::values::light(text).unwrap());
+            assert_eq!(light.soft, source.is_some_and(|source| source.is_soft()), "{}", light.name);
+        }
     }
 }

@@ -3,9 +3,10 @@
 
 use super::answer::{Answer, CellResult};
 use super::exact;
+use super::settings::Settings;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::measure::budget::search::{Search, Side};
+use crate::measure::budget::search::Search;
 use crate::measure::budget::{Budget, By};
 use crate::measure::errors::VisiblePoints;
 use crate::measure::job::{Effort, Job};
@@ -13,11 +14,13 @@ use crate::measure::small_scene::small_scene;
 use crate::measure::stats::{image_error, rms_difference_interval};
 use crate::measure::table::Row;
 use crate::measure::timing::Timing;
-use crate::shadow::{BuildReport, Entry, Method, MethodSpec, SearchSpace, ShadowMap};
-use itertools::Itertools as _;
+use crate::render::Session;
+use crate::scene::Scene;
+use crate::shadow::{BuildReport, Entry, Method, ShadowMap};
 use ndarray::{Array3, ArrayView3};
+use std::borrow::Cow;
 use std::cell::OnceCell;
-use std::slice;
+use std::sync::Arc;
 
 /// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
 /// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
@@ -29,7 +32,7 @@ const TIMED_RUNS: usize = 3;
 /// Cell of the benchmark that is being measured.
 pub struct CellJob<'a> {
     job: Job<'a>,
-    visible: VisiblePoints,
+    visible: Arc<VisiblePoints>,
     /// Hash of the visible points and their exact transmittances.
     pub hash: String,
     /// Whether answers get an error of the small picture too, for a comparison with programs that draw one.
@@ -57,7 +60,20 @@ impl<'a> CellJob<'a> {
             ));
         }
         let hash = exact::fingerprint(&visible);
+        let visible = Arc::new(visible);
         Ok(Self { job, visible, hash, with_pictures: false, exact_picture: OnceCell::new() })
+    }
+
+    /// Returns the same job on the device of another session.
+    pub fn on<'b>(&'b self, session: &'b Session) -> CellJob<'b> {
+        let Job { volume, tf, scene, ref scene_name, effort, .. } = self.job;
+        CellJob {
+            job: Job::new(session, (volume, tf), scene, scene_name, effort),
+            visible: Arc::clone(&self.visible),
+            hash: self.hash.clone(),
+            with_pictures: self.with_pictures,
+            exact_picture: OnceCell::new(),
+        }
     }
 
     /// Returns the rms difference of a small picture of the cell from the exact one.
@@ -79,49 +95,30 @@ impl<'a> CellJob<'a> {
         &self.job
     }
 
-    /// Searches the best settings of every method within each budget. `first` is the result of the first cell of the same
-    /// volume and transfer function, whose settings start the searches; `None` for that cell itself. `step` is called
-    /// before each method, and may end the measurement.
+    /// Searches the best settings of a method within each budget, smaller budgets first. `first` is the result of the first
+    /// cell, whose settings start the search; `None` for that cell itself. Searches within memory and within time share
+    /// nothing, since times vary.
     ///
     /// # Errors
-    /// The device is lost, or `step` ends the measurement.
-    pub fn search_all(
+    /// The device is lost.
+    pub fn search(
         &self,
-        methods: &[&'static Entry],
-        budgets: &[Budget],
-        first: Option<&CellResult>,
-        step: &mut dyn FnMut(&str) -> Result<()>,
-    ) -> Result<Vec<(Answer, Errors)>> {
-        let mut found = Vec::new();
-        for entry in methods {
-            step(entry.name)?;
-            let Some(space) = SearchSpace::of(entry) else { continue };
-            found.extend(self.search(&space, entry, budgets, first)?);
-        }
-        Ok(found)
-    }
-
-    /// Searches the best settings of one method within each budget, smaller budgets first. Searches within memory and
-    /// within time share nothing, since times vary.
-    fn search(
-        &self,
-        space: &SearchSpace,
         entry: &'static Entry,
         budgets: &[Budget],
         first: Option<&CellResult>,
     ) -> Result<Vec<(Answer, Errors)>> {
         let mut found = Vec::new();
+        let source = self.job.scene.lights.first().cloned().unwrap_or_default();
+        let Some(settings) = Settings::of(entry, &source) else { return Ok(found) };
         for of_time in [false, true] {
             let is_own = |budget: &&Budget| matches!(budget, Budget::Ms(_)) == of_time;
             let own: Vec<Budget> = budgets.iter().filter(is_own).copied().collect();
             let known = first.map_or(&[][..], |first| &first.answers).iter();
             let is_known =
                 |a: &&Answer| a.method == entry.name && own.iter().any(|b| b.to_string() == a.budget);
-            let starts =
-                known.filter(is_known).filter(|a| !a.settings.is_empty()).map(|a| &a.settings).unique();
-            let starts = starts.map(|settings| Ok(space.place_of(&settings.parse::<MethodSpec>()?)));
-            let starts = starts.collect::<Result<Vec<_>>>()?;
-            found.extend(self.search_kind((space, entry), &own, &starts, first.is_some())?);
+            let known = known.filter(is_known).filter(|a| !a.settings.is_empty());
+            let starts = settings.places_of(known)?;
+            found.extend(self.search_kind((&settings, entry), &own, &starts, first.is_some())?);
         }
         Ok(found)
     }
@@ -129,15 +126,15 @@ impl<'a> CellJob<'a> {
     /// Searches the best settings of one method within budgets of one kind.
     fn search_kind(
         &self,
-        (space, entry): (&SearchSpace, &'static Entry),
+        (settings, entry): (&Settings, &'static Entry),
         budgets: &[Budget],
         starts: &[Vec<usize>],
         is_nearby: bool,
     ) -> Result<Vec<(Answer, Errors)>> {
         let mut note = String::new();
         let attempt = |place: &[usize]| {
-            let method = space.method(place).ok_or_else(|| no_method(entry))?;
-            self.trial(method.as_ref(), budgets).or_else(|e| {
+            let (method, samples) = settings.method(place).ok_or_else(|| no_method(entry))?;
+            self.trial((method.as_ref(), samples), budgets).or_else(|e| {
                 // A failure of the device would fail all further trials.
                 if e.is_cancelled() || self.job.session.renderer.gpu().loss().reason().is_some() {
                     return Err(e);
@@ -146,9 +143,10 @@ impl<'a> CellJob<'a> {
                 Ok(Row { note: e.to_string(), ..Row::default() })
             })
         };
-        let sides = space.axes().iter().map(|a| Side { len: a.len(), ordered: a.ordered }).collect();
-        let most_trials = space.axes().len() * if is_nearby { NEARBY_TRIALS } else { FULL_TRIALS };
-        let mut search = Search::new(sides, |place| space.canonical(place), attempt).limited_to(most_trials);
+        let sides = settings.sides();
+        let most_trials = sides.len() * if is_nearby { NEARBY_TRIALS } else { FULL_TRIALS };
+        let mut search =
+            Search::new(sides, |place| settings.canonical(place), attempt).limited_to(most_trials);
         for (budget, place) in
             budgets.iter().flat_map(|budget| starts.iter().map(move |place| (budget, place)))
         {
@@ -156,7 +154,7 @@ impl<'a> CellJob<'a> {
         }
         let mut converged = Vec::new();
         for budget in budgets {
-            converged.push(search.look(*budget, By::Points, &space.default_place())?);
+            converged.push(search.look(*budget, By::Points, &settings.default_place())?);
         }
         let best: Vec<_> = budgets.iter().map(|budget| search.best_known(*budget, By::Points)).collect();
         let trials = search.tried.len();
@@ -168,9 +166,10 @@ impl<'a> CellJob<'a> {
             let mut errors = Errors::new();
             match place {
                 Some(place) => {
-                    let method = space.method(&place).ok_or_else(|| no_method(entry))?;
+                    let (method, samples) = settings.method(&place).ok_or_else(|| no_method(entry))?;
                     answer.converged = Some(converged);
-                    errors = self.measure(method.as_ref(), Some(*budget), self.with_pictures, &mut answer)?;
+                    let method = (method.as_ref(), samples);
+                    errors = self.measure(method, Some(*budget), self.with_pictures, &mut answer)?;
                 }
                 None => answer.note.clone_from(&note),
             }
@@ -180,17 +179,17 @@ impl<'a> CellJob<'a> {
     }
 
     /// Measures memory of a method, its times for a budget of time, and its error if any budget allows it.
-    fn trial(&self, method: &dyn Method, budgets: &[Budget]) -> Result<Row> {
-        let shadow = self.build(method)?;
-        let mut trial = Row { bytes: Some(BuildReport::of_all([&shadow]).bytes), ..Row::default() };
+    fn trial(&self, (method, samples): (&dyn Method, Option<u32>), budgets: &[Budget]) -> Result<Row> {
+        let scene = self.scene_with(samples);
+        let shadows = self.build(method, &scene)?;
+        let mut trial = Row { bytes: Some(BuildReport::of_all(&shadows).bytes), ..Row::default() };
         if budgets.iter().any(|budget| matches!(budget, Budget::Ms(_))) {
             self.job.keep_busy()?;
-            let timing = Timing::of(&[self.job.timed(method)?])?;
+            let timing = Timing::of(&[self.job.timed_in(method, &scene)?])?;
             [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
         }
         if budgets.iter().any(|budget| budget.holds(&trial)) {
-            trial.point_err_rms =
-                self.visible.errors(self.job.session, slice::from_ref(&shadow))?.map(|stats| stats.rms);
+            trial.point_err_rms = self.visible.errors(self.job.session, &shadows)?.map(|stats| stats.rms);
         }
         Ok(trial)
     }
@@ -199,19 +198,20 @@ impl<'a> CellJob<'a> {
     /// picture. Returns its error at every visible point.
     pub(super) fn measure(
         &self,
-        method: &dyn Method,
+        (method, samples): (&dyn Method, Option<u32>),
         budget: Option<Budget>,
         with_picture: bool,
         answer: &mut Answer,
     ) -> Result<Errors> {
-        let shadow = self.build(method)?;
-        answer.settings = method.spec().to_string();
-        answer.bytes = Some(BuildReport::of_all([&shadow]).bytes);
+        let scene = self.scene_with(samples);
+        let shadows = self.build(method, &scene)?;
+        (answer.settings, answer.light_samples) = (method.spec().to_string(), samples);
+        answer.bytes = Some(BuildReport::of_all(&shadows).bytes);
         if matches!(budget, Some(Budget::Ms(_))) {
             let mut times = Vec::new();
             for _ in 0..TIMED_RUNS {
                 self.job.keep_busy()?;
-                times.push(self.job.timed(method)?);
+                times.push(self.job.timed_in(method, &scene)?);
             }
             let timing = Timing::of(&times)?;
             [answer.build_ms, answer.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
@@ -220,19 +220,26 @@ impl<'a> CellJob<'a> {
                 answer.note = format!("takes {needed_ms:.1} ms when measured again, more than {budget}");
             }
         }
-        let errors = self.visible.weighted(self.job.session, slice::from_ref(&shadow))?;
+        let errors = self.visible.weighted(self.job.session, &shadows)?;
         answer.set_errors(&errors)?;
         if with_picture {
-            let (session, scene) = (self.job.session, small_scene(self.job.scene));
-            let shadow = session.shadow_of(method, &scene, scene.light())?;
-            answer.image_rmse = Some(self.picture_error(session.render(&shadow, &scene)?.pixels.view())?);
+            let small = small_scene(&scene);
+            let picture = self.job.session.render(&self.build(method, &small)?, &small)?;
+            answer.image_rmse = Some(self.picture_error(picture.pixels.view())?);
         }
         Ok(errors)
     }
 
-    fn build(&self, method: &dyn Method) -> Result<ShadowMap> {
-        let light = self.job.scene.light();
-        self.job.session.shadow_of(method, self.job.scene, light)
+    /// Returns the scene of the cell with another number of samples of its light.
+    fn scene_with(&self, samples: Option<u32>) -> Cow<'a, Scene> {
+        let Some(samples) = samples else { return Cow::Borrowed(self.job.scene) };
+        let mut scene = self.job.scene.clone();
+        scene.lights.iter_mut().for_each(|source| source.samples = samples);
+        Cow::Owned(scene)
+    }
+
+    fn build(&self, method: &dyn Method, scene: &Scene) -> Result<Vec<ShadowMap>> {
+        self.job.session.shadows_of(method, scene)
     }
 }
 

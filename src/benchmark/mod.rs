@@ -16,6 +16,7 @@ pub mod pages;
 mod plot;
 pub mod ranking;
 mod run;
+mod settings;
 mod verify;
 
 pub use run::Run;

@@ -93,8 +93,14 @@ impl Run<'_> {
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
                 let first = cell.first(&all).filter(|first| *first != cell);
                 let first = first.map(|first| folder.result(first)).transpose()?.flatten();
-                let result =
-                    self.measure_cell(cell, (&loaded, session, &subject.settings), first.as_ref(), watch)?;
+                let open = || open(&loaded, renderer);
+                let result = self.measure_cell(
+                    cell,
+                    (&loaded, &subject.settings),
+                    (session, &open),
+                    first.as_ref(),
+                    watch,
+                )?;
                 folder.record(cell, &result)?;
             }
         }
@@ -125,12 +131,14 @@ impl Run<'_> {
     fn measure_cell(
         &self,
         cell: &Cell,
-        (loaded, session, settings): (&Loaded, &Session, &SceneSettings),
+        (loaded, settings): (&Loaded, &SceneSettings),
+        (session, open): (&Session, &dyn Fn() -> Result<Session>),
         first: Option<&CellResult>,
         watch: Watch,
     ) -> Result<CellResult> {
         let subject = (&*loaded.volume, &loaded.tf);
-        let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
+        let effort = effort(self.definition.points_of(cell));
+        let job = Job::new(session, subject, &loaded.scene, &cell.name, effort);
         let mut cell_job = CellJob::new(job)?;
         cell_job.with_pictures = !self.externals.is_empty();
         let mut of_externals = Vec::new();
@@ -145,8 +153,14 @@ impl Run<'_> {
             let exchange = tempfile::tempdir().map_err(failed)?;
             of_externals.push(external.answer(&cell_job, [&scene?, &small?], exchange.path())?);
         }
-        let mut step = |method: &str| watch(&format!("{}: {method}", cell.name));
-        let found = cell_job.search_all(self.methods, self.budgets, first, &mut step)?;
+        let mut found = Vec::new();
+        for entry in self.methods {
+            watch(&format!("{}: {}", cell.name, entry.name))?;
+            // Under a light with a size a search builds thousands of maps.
+            let own = cell.is_soft.then(open).transpose()?;
+            let job = own.as_ref().map(|session| cell_job.on(session));
+            found.extend(job.as_ref().unwrap_or(&cell_job).search(entry, self.budgets, first)?);
+        }
         let answers = compared(self.budgets, found, &of_externals);
         let mut spec = settings.spec();
         if let Some(file) =
@@ -216,17 +230,22 @@ impl Run<'_> {
             let loaded = self.load(cell, self.subject(cell, &mut subject)?)?;
             let session = session(cell, &loaded, renderer, &mut on_device)?;
             let subject = (&*loaded.volume, &loaded.tf);
-            let job = Job::new(session, subject, &loaded.scene, &cell.name, effort(self.definition.points));
+            let effort = effort(self.definition.points_of(cell));
+            let job = Job::new(session, subject, &loaded.scene, &cell.name, effort);
             each(cell, &CellJob::new(job)?)?;
         }
         Ok(())
     }
 }
 
+/// Opens a session with a volume and transfer function, with its own device on the adapter of `renderer`: with Mesa's
+/// lavapipe, memory grows by up to a megabyte for each shadow map that is built, until the device is closed.
+fn open(loaded: &Loaded, renderer: &Renderer) -> Result<Session> {
+    let own = Arc::new(Renderer::new(Gpu::open(Some(&renderer.gpu().info.name))?));
+    Session::on(&own, Arc::clone(&loaded.volume), &loaded.tf, DisabledOptimizations::default())
+}
+
 /// Returns the session of a cell's volume and transfer function; opens it unless it is that of the cell before.
-///
-/// Each session has its own device on the adapter of `renderer`: with Mesa's lavapipe, memory grows by up to a megabyte for
-/// each shadow map that is built, until the device is closed.
 fn session<'a>(
     cell: &Cell,
     loaded: &Loaded,
@@ -236,10 +255,7 @@ fn session<'a>(
     if known.as_ref().is_none_or(|on_device| !on_device.cell.is_beside(cell)) {
         // The device may not hold two volumes.
         *known = None;
-        let volume = Arc::clone(&loaded.volume);
-        let own = Arc::new(Renderer::new(Gpu::open(Some(&renderer.gpu().info.name))?));
-        let session = Session::on(&own, volume, &loaded.tf, DisabledOptimizations::default())?;
-        *known = Some(OnDevice { cell: cell.clone(), session });
+        *known = Some(OnDevice { cell: cell.clone(), session: open(loaded, renderer)? });
     }
     // It was set above.
     let unknown = || Error::runtime("cannot use device", &cell.name, "no session");

@@ -24,7 +24,8 @@ impl CellJob<'_> {
         for answer in recorded.answers.iter().filter(is_own) {
             let method = answer.settings.parse::<crate::shadow::MethodSpec>()?.method()?;
             let mut measured = Answer::default();
-            self.measure(method.as_ref(), None, answer.image_rmse.is_some(), &mut measured)?;
+            let with_picture = answer.image_rmse.is_some();
+            self.measure((method.as_ref(), answer.light_samples), None, with_picture, &mut measured)?;
             for ((name, recorded), (_, measured)) in answer.values().into_iter().zip(measured.values()) {
                 verified.compare(&title(answer), name, [&recorded, &measured], is_same_adapter);
             }

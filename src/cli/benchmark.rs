@@ -183,8 +183,8 @@ fn budgets(texts: &[String]) -> Result<Vec<Budget>> {
 
 /// Whether a shard measures a cell. All cells of one volume and transfer function belong to one shard.
 fn is_of_shard(cell: &Cell, shard: Option<Shard>, definition: &Definition) -> bool {
-    let group =
-        |cell: &Cell| definition.cells().iter().filter(|c| c.is_first()).position(|c| c.is_beside(cell));
+    let cells = definition.cells();
+    let group = |cell: &Cell| cells.iter().dedup_by(|a, b| a.is_beside(b)).position(|c| c.is_beside(cell));
     shard.is_none_or(|shard| group(cell).is_some_and(|group| shard.holds(group)))
 }
 

@@ -157,10 +157,15 @@ impl<'a> Job<'a> {
 
     /// Builds the shadow maps of a shadow method, renders one picture with them, and returns the times of both.
     pub fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
+        self.timed_in(method, self.scene)
+    }
+
+    /// Does the same as [`Self::timed`] in another scene of the same volume and transfer function.
+    pub fn timed_in(&self, method: &dyn Method, scene: &Scene) -> Result<StageTimes> {
         let start = Instant::now();
-        let shadows = self.session.shadows_of(method, self.scene)?;
+        let shadows = self.session.shadows_of(method, scene)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let picture = self.session.render(&shadows, self.scene)?;
+        let picture = self.session.render(&shadows, scene)?;
         let (frame, frame_host_ms) = (picture.span, picture.host_ms);
         let report = BuildReport::of_all(&shadows);
         let (build_host_ms, build_device) = (report.host_ms, report.device);

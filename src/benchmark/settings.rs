@@ -1,0 +1,104 @@
+//! Settings of a shadow method that are searched in a cell: those of its search space, and under a light with a size the
+//! number of samples that represent the light.
+
+use super::answer::Answer;
+use crate::error::Result;
+use crate::measure::budget::search::Side;
+use crate::scene::LightSource;
+use crate::shadow::{Entry, Method, MethodSpec, SearchSpace};
+use itertools::Itertools as _;
+
+/// Numbers of samples that are tried for a light with a size, each sample with a shadow map.
+const SAMPLES: [u32; 5] = [4, 8, 16, 32, 64];
+
+/// Searched settings of a shadow method under a light. A place is an index for each axis of the method's search space,
+/// and under a light with a size one into the numbers of samples.
+pub struct Settings<'a> {
+    space: SearchSpace,
+    source: &'a LightSource,
+}
+
+impl<'a> Settings<'a> {
+    /// Searched settings of a method; `None` if it has none.
+    pub fn of(entry: &'static Entry, source: &'a LightSource) -> Option<Self> {
+        SearchSpace::of(entry).map(|space| Self { space, source })
+    }
+
+    /// Returns the axes of the search.
+    pub fn sides(&self) -> Vec<Side> {
+        let of_method = self.space.axes().iter().map(|axis| Side { len: axis.len(), ordered: axis.ordered });
+        let samples = self.source.is_soft().then_some(Side { len: SAMPLES.len(), ordered: true });
+        of_method.chain(samples).collect()
+    }
+
+    /// Returns the place at which a search starts.
+    pub fn default_place(&self) -> Vec<usize> {
+        let samples = self.source.is_soft().then_some(index_of(self.source.samples));
+        self.space.default_place().into_iter().chain(samples).collect()
+    }
+
+    /// Returns the places of the distinct settings of answers.
+    ///
+    /// # Errors
+    /// Settings do not parse.
+    pub fn places_of<'b>(&self, answers: impl Iterator<Item = &'b Answer>) -> Result<Vec<Vec<usize>>> {
+        let distinct = answers.map(|answer| (&answer.settings, answer.light_samples)).unique();
+        let place = |(settings, samples): (&String, Option<u32>)| {
+            let mut place = self.space.place_of(&settings.parse::<MethodSpec>()?);
+            place.extend(self.source.is_soft().then(|| index_of(samples.unwrap_or(self.source.samples))));
+            Ok(place)
+        };
+        distinct.map(place).collect()
+    }
+
+    /// Replaces settings without effect by their defaults.
+    pub fn canonical(&self, place: &[usize]) -> Vec<usize> {
+        let (of_method, samples) = place.split_at(self.space.axes().len());
+        let covers = self.space.method(of_method).is_some_and(|method| method.covers(&self.source.extent));
+        let samples = if covers { vec![0; samples.len()] } else { samples.to_vec() };
+        self.space.canonical(of_method).into_iter().chain(samples).collect()
+    }
+
+    /// Creates the shadow method at a place, with the number of samples of the light; `None` for invalid settings.
+    pub fn method(&self, place: &[usize]) -> Option<(Box<dyn Method>, Option<u32>)> {
+        let (of_method, samples) = place.split_at(self.space.axes().len());
+        Some((self.space.method(of_method)?, samples.first().map(|index| SAMPLES[*index])))
+    }
+}
+
+/// Returns the index of the largest number of samples that is at most `samples`.
+fn index_of(samples: u32) -> usize {
+    SAMPLES.iter().rposition(|tried| *tried <= samples).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shadow::entry;
+
+    fn source(text: &str) -> LightSource {
+        crate::open::values::light(text).unwrap()
+    }
+
+    #[test]
+    fn a_light_with_a_size_adds_an_axis_of_samples() {
+        let (hard, soft) = (source("dir:0,0,1"), source("sun:0,0,1,angle=10,samples=20"));
+        let [hard, soft] = [&hard, &soft].map(|s| Settings::of(entry("dsm").unwrap(), s).unwrap());
+        assert_eq!(soft.sides().len(), hard.sides().len() + 1);
+        assert!(hard.method(&hard.default_place()).unwrap().1.is_none());
+        let (method, samples) = soft.method(&soft.default_place()).unwrap();
+        assert_eq!(samples, Some(16));
+        let answer =
+            Answer { settings: method.spec().to_string(), light_samples: samples, ..Answer::default() };
+        assert_eq!(soft.places_of([&answer, &answer].into_iter()).unwrap(), [soft.default_place()]);
+    }
+
+    #[test]
+    fn samples_do_not_matter_where_one_map_answers_for_the_light() {
+        let soft = source("sun:0,0,1,angle=10");
+        let settings = Settings::of(entry("sat").unwrap(), &soft).unwrap();
+        let [mut one, mut other] = [settings.default_place(), settings.default_place()];
+        (*one.last_mut().unwrap(), *other.last_mut().unwrap()) = (1, 3);
+        assert_eq!(settings.canonical(&one), settings.canonical(&other));
+    }
+}
