@@ -71,9 +71,11 @@ impl App {
         windows.close_topmost(&context, model);
         top_bar::show(ui, model, windows);
         side::show(ui, model, difference, strands, times);
-        editor::show(ui, model, presets, &mut windows.prompt, render_state);
+        let of_windows = (&mut windows.prompt, &mut windows.gradient.open);
+        editor::show(ui, model, presets, of_windows, render_state);
         view::show(ui, model, difference, slices, render_state);
         windows.comparison.show(&context, model);
+        windows.gradient.show(&context, model);
         windows.prompt.show(&context, model);
         probe::show(&context, model);
         help::show(&context, &mut windows.help);

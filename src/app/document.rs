@@ -11,7 +11,7 @@ use crate::scene::{Camera, Light, LightSource, Scene};
 use crate::shadow::MethodSpec;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::formats::with_quantity_of;
-use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, TransferFunction};
+use crate::transfer::{ClipPlane, GradientOpacity, LabelRule, LabelVisibility, TransferFunction};
 use crate::volume::{Histogram, Volume};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -142,6 +142,14 @@ impl Document {
         }
     }
 
+    /// Sets the gradient opacity of the transfer function. If `begins` is set, records an undo step.
+    pub fn set_gradient_opacity(&mut self, opacity: Option<GradientOpacity>, begins: bool) {
+        let gradient_opacity = opacity.filter(|opacity| !opacity.is_one());
+        if gradient_opacity != self.tf.gradient_opacity {
+            self.set_tf(TransferFunction { gradient_opacity, ..(*self.tf).clone() }, begins);
+        }
+    }
+
     /// Hides these segmentation labels of the open volume and shows all others, as one undo step.
     pub fn hide_labels(&mut self, labels: Vec<u32>) {
         let mut rules: Vec<LabelRule> =
@@ -247,7 +255,9 @@ impl Document {
         let settings = SceneSettings {
             tf: Some(tf.to_owned()),
             opacity_scale,
-            gradient_opacity: self.tf.gradient_opacity.clone(),
+            // A file may have one that the scene has not.
+            gradient_opacity: Some(self.tf.gradient_opacity.clone().unwrap_or_else(GradientOpacity::none))
+                .filter(|opacity| !opacity.is_one() || presets::PRESETS.iter().all(|p| p.name != tf)),
             units: self.suiting.units,
             shadow: Some(self.method.clone()),
             masking: self.part_flags(),

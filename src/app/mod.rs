@@ -18,6 +18,7 @@ mod contents;
 mod cube;
 pub mod curve;
 mod document;
+mod gradient;
 mod model;
 mod panels;
 mod picture_shape;

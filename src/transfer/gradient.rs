@@ -78,11 +78,15 @@ impl GradientOpacity {
         if list.len() > MOST_GRADIENT_POINTS {
             return Err(format!("it has {} points, and at most {MOST_GRADIENT_POINTS} are used", list.len()));
         }
-        let points = match list.iter().all(|p| p.factor == 1.0) {
-            true => vec![GradientPoint { magnitude: 0.0, factor: 1.0 }],
-            false => list,
-        };
-        Ok(Self { points, per: GradientLength::Mm })
+        if list.iter().all(|p| p.factor == 1.0) {
+            return Ok(Self::none());
+        }
+        Ok(Self { points: list, per: GradientLength::Mm })
+    }
+
+    /// Returns the factor 1 everywhere.
+    pub fn none() -> Self {
+        Self { points: vec![GradientPoint { magnitude: 0.0, factor: 1.0 }], per: GradientLength::Mm }
     }
 
     /// Sets the length over which the gradient magnitudes of the points are measured.
@@ -146,7 +150,7 @@ impl FromStr for GradientOpacity {
 
     fn from_str(text: &str) -> Result<Self, String> {
         if text.trim() == NONE {
-            return Self::new([(0.0, 1.0)]);
+            return Ok(Self::none());
         }
         let expected = || format!("`{text}` is not a list of GRADIENT:FACTOR such as 0:0,50:1, or {NONE}");
         let (text, per) = match text.rsplit_once(",per=").map(|(list, per)| (list, per.trim())) {

@@ -9,6 +9,7 @@ mod directions;
 mod downsample;
 pub(crate) mod element;
 mod histogram;
+mod joint_histogram;
 mod labels;
 pub(crate) mod read;
 mod segmentation;
@@ -20,6 +21,7 @@ pub use directions::DirectionMoments;
 pub use downsample::Downsample;
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
+pub use joint_histogram::JointHistogram;
 pub use labels::{Labels, MAX_LABELS, Segment};
 pub use voxels::{Scaling, Voxel, Voxels};
 

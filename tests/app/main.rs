@@ -8,6 +8,7 @@ mod comparison;
 mod cube;
 mod difference;
 mod files;
+mod gradient;
 mod layout;
 mod loss;
 mod masks;

@@ -23,7 +23,7 @@ const KEYS: [(&str, &str); 18] = [
     ("M", "anatomical letters on or off"),
     ("O", "orientation cube on or off"),
     ("Delete", "remove the selected point"),
-    ("Esc", "close the topmost: prompt, this list, comparison, probe"),
+    ("Esc", "close the topmost: prompt, this list, comparison, gradient opacity, probe"),
     ("F1", "this list"),
 ];
 

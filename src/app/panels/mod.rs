@@ -6,6 +6,7 @@ pub mod comparison;
 mod cube;
 pub mod difference;
 pub mod editor;
+pub mod gradient;
 pub mod help;
 pub mod keys;
 mod labels;

@@ -1,16 +1,18 @@
-//! Floating windows over the picture: path prompt, comparison and help.
+//! Floating windows over the picture: path prompt, comparison, gradient opacity and help.
 
 use super::comparison::{self, Comparison};
+use super::gradient::{self, Gradient};
 use super::prompt::Prompt;
 use super::{help, probe};
 use crate::app::model::Model;
 use eframe::egui::{self, Key, Modifiers};
 
-/// State of the floating windows over the picture: path prompt, comparison and help.
+/// State of the floating windows over the picture: path prompt, comparison, gradient opacity and help.
 #[derive(Default)]
 pub struct Windows {
     pub prompt: Prompt,
     pub comparison: Comparison,
+    pub gradient: Gradient,
     /// Whether the help window with keyboard shortcuts is open.
     pub help: bool,
     /// Whether a text field had the keyboard focus in the last frame. egui removes the focus before it reports
@@ -28,6 +30,7 @@ impl Windows {
         let open = [
             (probe::TITLE, model.probe.is_some()),
             (comparison::TITLE, self.comparison.open),
+            (gradient::TITLE, self.gradient.open),
             (help::TITLE, self.help),
         ];
         // A window that has not been painted yet will be on top.
@@ -43,6 +46,7 @@ impl Windows {
         match topmost {
             help::TITLE => self.help = false,
             comparison::TITLE => self.comparison.open = false,
+            gradient::TITLE => self.gradient.open = false,
             _ => model.probe = None,
         }
     }

@@ -12,7 +12,7 @@ use crate::files::color;
 use crate::transfer::Quantity;
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
-use paint::short;
+pub(super) use paint::short;
 use std::sync::Arc;
 
 /// Width of the transfer-function editor below which the fields of the selected control point take two lines, screen
@@ -28,7 +28,7 @@ pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
     presets: &mut Presets,
-    prompt: &mut Prompt,
+    (prompt, gradient_open): (&mut Prompt, &mut bool),
     render_state: Option<&RenderState>,
 ) {
     if model.document.is_none() {
@@ -44,7 +44,7 @@ pub fn show(
         .max_size(ui.available_height() - MIN_VIEW_HEIGHT)
         .show(ui, |ui| {
             ui.add_space(4.0);
-            tools(ui, model, presets, prompt, render_state);
+            tools(ui, model, presets, (prompt, gradient_open), render_state);
             point_row(ui, model);
             ui.add_space(2.0);
             plot::show(ui, model);
@@ -55,7 +55,7 @@ fn tools(
     ui: &mut egui::Ui,
     model: &mut Model,
     presets: &mut Presets,
-    prompt: &mut Prompt,
+    (prompt, gradient_open): (&mut Prompt, &mut bool),
     render_state: Option<&RenderState>,
 ) {
     let [can_undo, can_redo] =
@@ -98,6 +98,8 @@ fn tools(
         {
             document.value_window = None;
         }
+        ui.toggle_value(gradient_open, "Gradient…")
+            .on_hover_text("Factor on the extinction by gradient magnitude, over the joint histogram");
     });
 }
 

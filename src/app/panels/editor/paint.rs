@@ -36,7 +36,7 @@ impl Map {
 }
 
 /// Formats a number with four significant digits.
-pub(super) fn short(x: f64) -> String {
+pub(in crate::app::panels) fn short(x: f64) -> String {
     if x == 0.0 {
         // Avoids a negative zero.
         return "0".into();
