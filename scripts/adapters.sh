@@ -26,10 +26,10 @@ for name in "${!drivers[@]}"; do
     echo "adapter: $name ($file)"
     folder=$(mktemp -d)
     # What has run there already (TESTED) is not run again. Searches are short here. Skipped are tests of commands and tables
-    # (files, interrupts), and those of skipped work, which compare a driver with itself.
+    # (files, interrupts), of pages, which the browser draws, and those of skipped work, which compare a driver with itself.
     [[ $name == "${TESTED:-}" ]] ||
         UMBRAVOX_TESTS=small VK_DRIVER_FILES=$file "$cargo" test --locked --test gpu -- --show-output \
-            --skip compare:: --skip cli:: --skip forced:: || status=1
+            --skip compare:: --skip cli:: --skip page:: --skip forced:: || status=1
     VK_DRIVER_FILES=$file timeout 1200 "$umbravox" stability -o "$folder" || status=1
     rm -rf "$folder"
 done

@@ -142,11 +142,13 @@ pub struct Sizes {
     pub window_resizes: u32,
     /// Scenes in which the bias of random estimators is measured.
     pub estimator_scenes: usize,
+    /// Methods of the pages of a phantom and of a scan.
+    pub page_methods: [usize; 2],
     /// Stride between tested shaders: one of so many is composed, validated and translated.
     pub shader_stride: usize,
 }
 
-/// Small test sizes for local runs, full ones in CI (`UMBRAVOX_TESTS=full`).
+/// Small test sizes, or full ones (`UMBRAVOX_TESTS=full`).
 pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
     let full = std::env::var("UMBRAVOX_TESTS").is_ok_and(|value| value == "full");
     if full {
@@ -157,6 +159,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             window_sizes: 7,
             window_resizes: 50,
             estimator_scenes: 50,
+            page_methods: [11, 4],
             shader_stride: 1,
         }
     } else {
@@ -167,6 +170,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             window_sizes: 2,
             window_resizes: 12,
             estimator_scenes: 10,
+            page_methods: [4, 2],
             shader_stride: 8,
         }
     }
