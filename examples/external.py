@@ -8,6 +8,7 @@ Needs numpy and nibabel. The files that it reads and writes are described in doc
 import json
 import math
 import os
+import sys
 import tomllib
 
 import nibabel
@@ -59,7 +60,9 @@ def main():
     index_from_world = np.linalg.inv(image.affine)
     points = np.loadtxt(os.environ["UMBRAVOX_POINTS"], ndmin=2)
 
-    kind, text = scene["light"].split(":")
+    kind, _, text = scene["light"].partition(":")
+    if kind not in ("dir", "point"):
+        sys.exit(f"lights of kind {kind} are not answered")
     light = np.array([float(n) for n in text.split(",")[:3]])
     to_light = light - points if kind == "point" else np.broadcast_to(light, points.shape)
     distance = np.linalg.norm(to_light, axis=1)

@@ -86,7 +86,8 @@ archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" 
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"
 archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
-archive benchmark/front benchmark --data . --cells "*-front"
+archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front"
+archive benchmark/soft benchmark --data . --cells "*-sun-front,*-sky-front"
 
 [[ $measured -gt 0 ]] || { echo "results.sh: no folder ${chosen[*]}" >&2; exit 2; }
 UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages

@@ -84,19 +84,21 @@ def srgb8(picture):
     return np.round(255.0 * codes).astype(np.uint8)
 
 
-def _with_keywords(function):
-    """Adds the names of ``arguments()`` to the signature of a function, for ``help`` and Tab."""
+def _with_keywords(function, more=()):
+    """Adds the names of ``arguments()`` and others to the signature of a function, for ``help`` and Tab."""
     import inspect
 
     signature = inspect.signature(function)
     *given, others = signature.parameters.values()
-    new = [name for name in arguments() if name not in signature.parameters]
+    new = [name for name in (*more, *arguments()) if name not in signature.parameters]
     keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in new]
     function.__signature__ = signature.replace(parameters=[*given, *keywords, others])
 
 
-for _function in Scene, render, transmittance, compare:
-    _with_keywords(_function)
+_with_keywords(Scene)
+_with_keywords(render)
+_with_keywords(transmittance)
+_with_keywords(compare, _MEASURING)
 
 
 def __getattr__(name):

@@ -142,12 +142,15 @@ impl Document {
         }
     }
 
-    /// Sets the gradient opacity of the transfer function. If `begins` is set, records an undo step.
-    pub fn set_gradient_opacity(&mut self, opacity: Option<GradientOpacity>, begins: bool) {
+    /// Sets the gradient opacity of the transfer function, and returns whether it changed. If `begins` is set, records
+    /// an undo step.
+    pub fn set_gradient_opacity(&mut self, opacity: Option<GradientOpacity>, begins: bool) -> bool {
         let gradient_opacity = opacity.filter(|opacity| !opacity.is_one());
-        if gradient_opacity != self.tf.gradient_opacity {
+        let changes = gradient_opacity != self.tf.gradient_opacity;
+        if changes {
             self.set_tf(TransferFunction { gradient_opacity, ..(*self.tf).clone() }, begins);
         }
+        changes
     }
 
     /// Hides these segmentation labels of the open volume and shows all others, as one undo step.

@@ -14,7 +14,8 @@ pub struct Answer {
     /// Shadow method with the settings that the search found, in the syntax of `--shadow`; empty if none is within the
     /// budget, or the command of an external program.
     pub settings: String,
-    /// Number of samples of a light with a size, each with a shadow map; `None` for a light without a size.
+    /// Number of samples of a light with a size, each with a shadow map; `None` for a light without a size, or where
+    /// one map answers for all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_samples: Option<u32>,
     /// Memory of the shadow maps, bytes.

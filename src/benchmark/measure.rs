@@ -23,7 +23,8 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
-/// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
+/// volume, transfer function and kind of light, and in the cells beside it, whose searches start from the settings found
+/// there.
 const FULL_TRIALS: usize = 6;
 const NEARBY_TRIALS: usize = 1;
 /// Number of timed runs of the settings found within a budget of time.

@@ -73,8 +73,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Measures all selected cells that the folder has no result of. The first cell of each volume and transfer function
-    /// is measured before the others, whether it is selected or not.
+    /// Measures all selected cells that the folder has no result of. The first cell of each volume, transfer function and
+    /// kind of light is measured before the others, whether it is selected or not.
     ///
     /// # Errors
     /// A volume cannot be read, a file cannot be written, the device is lost, or `watch` ends the run.

@@ -11,8 +11,8 @@ use itertools::Itertools as _;
 /// Numbers of samples that are tried for a light with a size, each sample with a shadow map.
 const SAMPLES: [u32; 5] = [4, 8, 16, 32, 64];
 
-/// Searched settings of a shadow method under a light. A place is an index for each axis of the method's search space,
-/// and under a light with a size one into the numbers of samples.
+/// Searched settings of a shadow method under a light. A place is, under a light with a size, an index into the numbers
+/// of samples, then one for each axis of the method's search space.
 pub struct Settings<'a> {
     space: SearchSpace,
     source: &'a LightSource,
@@ -28,13 +28,13 @@ impl<'a> Settings<'a> {
     pub fn sides(&self) -> Vec<Side> {
         let of_method = self.space.axes().iter().map(|axis| Side { len: axis.len(), ordered: axis.ordered });
         let samples = self.source.is_soft().then_some(Side { len: SAMPLES.len(), ordered: true });
-        of_method.chain(samples).collect()
+        samples.into_iter().chain(of_method).collect()
     }
 
     /// Returns the place at which a search starts.
     pub fn default_place(&self) -> Vec<usize> {
         let samples = self.source.is_soft().then_some(index_of(self.source.samples));
-        self.space.default_place().into_iter().chain(samples).collect()
+        samples.into_iter().chain(self.space.default_place()).collect()
     }
 
     /// Returns the places of the distinct settings of answers.
@@ -44,25 +44,37 @@ impl<'a> Settings<'a> {
     pub fn places_of<'b>(&self, answers: impl Iterator<Item = &'b Answer>) -> Result<Vec<Vec<usize>>> {
         let distinct = answers.map(|answer| (&answer.settings, answer.light_samples)).unique();
         let place = |(settings, samples): (&String, Option<u32>)| {
-            let mut place = self.space.place_of(&settings.parse::<MethodSpec>()?);
-            place.extend(self.source.is_soft().then(|| index_of(samples.unwrap_or(self.source.samples))));
-            Ok(place)
+            let of_method = self.space.place_of(&settings.parse::<MethodSpec>()?);
+            let samples = self.source.is_soft().then(|| index_of(samples.unwrap_or(self.source.samples)));
+            Ok(samples.into_iter().chain(of_method).collect())
         };
         distinct.map(place).collect()
     }
 
     /// Replaces settings without effect by their defaults.
     pub fn canonical(&self, place: &[usize]) -> Vec<usize> {
-        let (of_method, samples) = place.split_at(self.space.axes().len());
-        let covers = self.space.method(of_method).is_some_and(|method| method.covers(&self.source.extent));
-        let samples = if covers { vec![0; samples.len()] } else { samples.to_vec() };
-        self.space.canonical(of_method).into_iter().chain(samples).collect()
+        let (samples, of_method) = self.split(place);
+        let samples = samples.map(|index| if self.is_covered(of_method) { 0 } else { index });
+        samples.into_iter().chain(self.space.canonical(of_method)).collect()
     }
 
-    /// Creates the shadow method at a place, with the number of samples of the light; `None` for invalid settings.
+    /// Creates the shadow method at a place, with the number of samples of the light if it has a size and one map does
+    /// not answer for all of it; `None` for invalid settings.
     pub fn method(&self, place: &[usize]) -> Option<(Box<dyn Method>, Option<u32>)> {
-        let (of_method, samples) = place.split_at(self.space.axes().len());
-        Some((self.space.method(of_method)?, samples.first().map(|index| SAMPLES[*index])))
+        let (samples, of_method) = self.split(place);
+        let samples = samples.filter(|_| !self.is_covered(of_method)).map(|index| SAMPLES[index]);
+        Some((self.space.method(of_method)?, samples))
+    }
+
+    /// Splits a place into the index of the number of samples, if any, and the indices for the method.
+    fn split<'b>(&self, place: &'b [usize]) -> (Option<usize>, &'b [usize]) {
+        let (samples, of_method) = place.split_at(place.len() - self.space.axes().len());
+        (samples.first().copied(), of_method)
+    }
+
+    /// Whether one map of the method answers for the whole light.
+    fn is_covered(&self, of_method: &[usize]) -> bool {
+        self.space.method(of_method).is_some_and(|method| method.covers(&self.source.extent))
     }
 }
 
@@ -98,7 +110,8 @@ mod tests {
         let soft = source("sun:0,0,1,angle=10");
         let settings = Settings::of(entry("sat").unwrap(), &soft).unwrap();
         let [mut one, mut other] = [settings.default_place(), settings.default_place()];
-        (*one.last_mut().unwrap(), *other.last_mut().unwrap()) = (1, 3);
+        (one[0], other[0]) = (1, 3);
         assert_eq!(settings.canonical(&one), settings.canonical(&other));
+        assert_eq!(settings.method(&one).unwrap().1, None);
     }
 }

@@ -1,15 +1,17 @@
 //! Gradient opacity window: the joint histogram of values and gradient magnitudes, and the factor on the extinction
 //! by gradient magnitude over it.
 
+use crate::app::document::Document;
 use crate::app::gradient::{GradientEdit, apply};
 use crate::app::model::Model;
 use crate::app::theme;
 use crate::engine::task::{Task, Wake};
-use crate::transfer::{GradientOpacity, TransferFunction};
+use crate::transfer::GradientOpacity;
 use crate::volume::{JointHistogram, Volume};
 use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Stroke, pos2, vec2};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::TryRecvError;
+use std::sync::{Arc, Weak};
 
 /// Title of the gradient opacity window.
 pub const TITLE: &str = "Gradient opacity";
@@ -26,13 +28,15 @@ const MARGIN: egui::Vec2 = vec2(44.0, 30.0);
 pub struct Gradient {
     /// Whether the window is open.
     pub open: bool,
-    /// Volume whose joint histogram is shown or computed.
-    volume: Option<Arc<Volume>>,
+    /// Volume whose joint histogram is shown or computed. A closed window does not keep it in memory.
+    volume: Weak<Volume>,
     counting: Option<Task<JointHistogram>>,
     joint: Option<JointHistogram>,
     selected: Option<usize>,
-    /// Whether the point that is dragged has its undo step.
+    /// Whether the drag of a point or number has its undo step.
     noted: bool,
+    /// Gradient magnitude at the upper end while a point is dragged, value units per mm.
+    dragged_top: Option<f64>,
 }
 
 impl Gradient {
@@ -45,8 +49,7 @@ impl Gradient {
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(document) = model.document.as_ref().filter(|_| self.open) else { return };
         self.count(&document.volume, &model.wake);
-        let (tf, spacing_mm) = (Arc::clone(&document.tf), document.volume.spacing_mm());
-        let opacity = tf.gradient_opacity.as_ref().map(|opacity| opacity.per_mm(spacing_mm));
+        let (units, opacity) = (document.tf.units.clone(), per_mm(document));
         let (mut open, mut edits) = (true, Vec::new());
         let most = context.content_rect().size() - vec2(40.0, 70.0);
         egui::Window::new(TITLE)
@@ -56,19 +59,19 @@ impl Gradient {
             .max_size(most)
             .show(context, |ui| {
                 self.tools(ui, opacity.as_ref(), &mut edits);
-                self.plot(ui, (&tf, opacity.as_ref()), &mut edits);
+                self.plot(ui, (&units, opacity.as_ref()), &mut edits);
             });
         self.open = open;
         for edit in edits {
-            self.take(edit, opacity.as_ref(), model);
+            self.take(edit, model);
         }
     }
 
     /// Starts to count the joint histogram of a volume unless it is known, and takes it when it is.
     fn count(&mut self, volume: &Arc<Volume>, wake: &Wake) {
-        if !self.volume.as_ref().is_some_and(|known| Arc::ptr_eq(known, volume)) {
+        if !self.volume.upgrade().is_some_and(|known| Arc::ptr_eq(&known, volume)) {
             let counted = Arc::clone(volume);
-            *self = Self { open: true, volume: Some(Arc::clone(volume)), ..Self::default() };
+            *self = Self { open: true, volume: Arc::downgrade(volume), ..Self::default() };
             let task = Task::start("joint histogram", Arc::clone(wake), move |sender, cancelled| {
                 let goes_on = || !cancelled.load(Ordering::Relaxed);
                 if let Some(joint) = JointHistogram::of(&counted, BINS, &goes_on) {
@@ -78,28 +81,33 @@ impl Gradient {
             // Without a thread the window stays without histogram.
             self.counting = task.ok();
         }
-        if let Some(joint) = self.counting.as_ref().and_then(|task| task.poll().ok()) {
-            (self.joint, self.counting) = (Some(joint), None);
+        match self.counting.as_ref().map(Task::poll) {
+            Some(Ok(joint)) => (self.joint, self.counting) = (Some(joint), None),
+            Some(Err(TryRecvError::Disconnected)) => self.counting = None,
+            Some(Err(TryRecvError::Empty)) | None => {}
         }
     }
 
     /// Gradient magnitude at the upper end of the window, value units per mm.
     fn top(&self, opacity: Option<&GradientOpacity>) -> f64 {
         let of_volume = self.joint.as_ref().map_or(0.0, |joint| joint.top_gradient);
-        let of_points = opacity.and_then(|o| o.points().last()).map_or(0.0, |p| 1.1 * p.magnitude);
+        let of_points = opacity.and_then(|o| o.points().last()).map_or(0.0, |p| p.magnitude);
         let top = of_volume.max(of_points);
-        if top > 0.0 { top } else { 1.0 }
+        self.dragged_top.unwrap_or(if top > 0.0 { top } else { 1.0 })
     }
 
     fn tools(&mut self, ui: &mut egui::Ui, opacity: Option<&GradientOpacity>, edits: &mut Vec<GradientEdit>) {
         let top = self.top(opacity);
         ui.horizontal_wrapped(|ui| {
-            if ui.button("Boundaries").on_hover_text("Hide what has no gradient").clicked() {
+            let boundaries = ui.add_enabled(self.is_counted(), egui::Button::new("Boundaries"));
+            if boundaries.on_hover_text("Hide what has no gradient").clicked() {
                 edits.push(GradientEdit::Boundaries { top });
+                self.selected = None;
             }
             let clear = ui.add_enabled(opacity.is_some(), egui::Button::new("None"));
             if clear.on_hover_text("The factor 1 everywhere").clicked() {
                 edits.push(GradientEdit::Clear);
+                self.selected = None;
             }
             let points = opacity.map_or(&[][..], GradientOpacity::points);
             let Some((index, point)) = self.selected.and_then(|i| Some((i, points.get(i)?))) else {
@@ -113,6 +121,9 @@ impl Gradient {
             let factors = egui::DragValue::new(&mut factor).speed(0.005).range(0.0..=1.0);
             let factors =
                 ui.add(factors).accessible_name("gradient factor").on_hover_text("Factor on the extinction");
+            if [&drag, &factors].iter().any(|field| field.drag_started() || field.gained_focus()) {
+                self.noted = false;
+            }
             if drag.changed() || factors.changed() {
                 edits.push(GradientEdit::Move { index, magnitude, factor });
             }
@@ -122,7 +133,7 @@ impl Gradient {
     fn plot(
         &mut self,
         ui: &mut egui::Ui,
-        (tf, opacity): (&TransferFunction, Option<&GradientOpacity>),
+        (units, opacity): (&str, Option<&GradientOpacity>),
         edits: &mut Vec<GradientEdit>,
     ) {
         let (whole, response) =
@@ -134,13 +145,13 @@ impl Gradient {
         response
             .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, true, "gradient opacity curve"));
         let painter = ui.painter_at(whole);
-        self.paint(ui, &painter, &place, tf);
+        self.paint(ui, &painter, &place, units);
         paint_curve(ui, &painter, &place, opacity);
         if self.points(ui, &painter, &place, opacity, edits) {
             return;
         }
         let Some(p) = response.interact_pointer_pos() else { return };
-        if response.double_clicked() {
+        if response.double_clicked() && self.is_counted() {
             let (magnitude, factor) = (place.magnitude(p.y), place.factor(p.x));
             edits.push(GradientEdit::Add { magnitude, factor, top: place.top });
             self.selected = None;
@@ -149,8 +160,8 @@ impl Gradient {
         }
     }
 
-    /// Paints the joint histogram, the colours of values, and axes.
-    fn paint(&self, ui: &egui::Ui, painter: &egui::Painter, place: &Place, tf: &TransferFunction) {
+    /// Paints the joint histogram and axes.
+    fn paint(&self, ui: &egui::Ui, painter: &egui::Painter, place: &Place, units: &str) {
         let (rect, visuals) = (place.rect, ui.visuals());
         let mut mesh = egui::Mesh::default();
         mesh.add_colored_rect(rect, visuals.extreme_bg_color);
@@ -162,11 +173,13 @@ impl Gradient {
             let [low, high] = joint.values.map(super::editor::short);
             let below = rect.bottom() + 2.0;
             painter.text(pos2(rect.left(), below), Align2::LEFT_TOP, low, font.clone(), color);
-            let high = format!("value {high} {}", tf.units);
+            let high = format!("value {high} {units}");
             painter.text(pos2(rect.right(), below), Align2::RIGHT_TOP, high, font.clone(), color);
         } else {
             painter.add(mesh);
-            painter.text(rect.center(), Align2::CENTER_CENTER, "counting …", font.clone(), color);
+            let text =
+                if self.counting.is_some() { "counting …" } else { "the histogram cannot be counted" };
+            painter.text(rect.center(), Align2::CENTER_CENTER, text, font.clone(), color);
         }
         for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
             let y = place.y(share * place.top);
@@ -180,8 +193,10 @@ impl Gradient {
                 color,
             );
         }
-        let unit =
-            format!("gradient, {} per mm; factor from 0 at the left to 1 at the right", or_units(&tf.units));
+        let unit = format!(
+            "gradient, {} per mm; factor from 0 at the left to 1 at the right",
+            if units.is_empty() { "value" } else { units }
+        );
         let at = pos2(rect.left(), rect.bottom() + 15.0);
         painter.text(at, Align2::LEFT_TOP, unit, font, color);
     }
@@ -207,6 +222,12 @@ impl Gradient {
             if grip.drag_started() || grip.clicked() {
                 (self.selected, self.noted) = (Some(index), false);
             }
+            if grip.drag_started() {
+                self.dragged_top = Some(place.top);
+            }
+            if grip.drag_stopped() {
+                (self.dragged_top, self.noted) = (None, false);
+            }
             if let Some(p) = grip.interact_pointer_pos().filter(|_| grip.dragged()) {
                 let (magnitude, factor) = (place.magnitude(p.y), place.factor(p.x));
                 edits.push(GradientEdit::Move { index, magnitude, factor });
@@ -224,13 +245,19 @@ impl Gradient {
     }
 
     /// Applies an edit to the transfer function of the open volume. A drag is one undo step.
-    fn take(&mut self, edit: GradientEdit, opacity: Option<&GradientOpacity>, model: &mut Model) {
+    fn take(&mut self, edit: GradientEdit, model: &mut Model) {
         let Some(document) = &mut model.document else { return };
         let is_move = matches!(edit, GradientEdit::Move { .. });
-        match apply(opacity, edit) {
+        match apply(per_mm(document).as_ref(), edit) {
+            // It would lose its points.
+            Ok(Some(edited)) if edited.is_one() => {
+                if !is_move {
+                    model.note("the factor would be 1 everywhere");
+                }
+            }
             Ok(edited) => {
-                document.set_gradient_opacity(edited, !(is_move && self.noted));
-                self.noted = is_move;
+                let changed = document.set_gradient_opacity(edited, !(is_move && self.noted));
+                self.noted = is_move && (self.noted || changed);
             }
             // A point cannot be dragged past two others.
             Err(_) if is_move => {}
@@ -260,7 +287,7 @@ impl Place {
     }
 
     fn magnitude(&self, y: f32) -> f64 {
-        (f64::from((self.rect.bottom() - y) / self.rect.height()) * self.top).max(0.0)
+        f64::from((self.rect.bottom() - y) / self.rect.height()).clamp(0.0, 1.0) * self.top
     }
 }
 
@@ -289,7 +316,8 @@ fn paint_curve(ui: &egui::Ui, painter: &egui::Painter, place: &Place, opacity: O
     painter.line(line, Stroke::new(1.8, ui.visuals().strong_text_color()));
 }
 
-/// Units of values, or a word for values without units.
-fn or_units(units: &str) -> &str {
-    if units.is_empty() { "value" } else { units }
+/// Gradient opacity of the open volume, value units per mm.
+fn per_mm(document: &Document) -> Option<GradientOpacity> {
+    let opacity = document.tf.gradient_opacity.as_ref();
+    opacity.map(|opacity| opacity.per_mm(document.volume.spacing_mm()))
 }
