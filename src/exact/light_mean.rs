@@ -40,8 +40,7 @@ impl ExactField<'_> {
             let value = self.transmittance_to_light(x, &source.light);
             return MeanTransmittance { value, standard_error: 0.0 };
         }
-        // The last bits of a point differ between machines.
-        let [a, b, c] = x.to_array().map(|v| ((v * 1e6).round() + 0.0).to_bits());
+        let [a, b, c] = x.to_array().map(f64::to_bits);
         let seed = mix(a ^ mix(b ^ mix(c)));
         let is_fine = |count: &usize| {
             self.mean_over_lattices(x, source, *count, mix(seed ^ *count as u64)).standard_error <= TOLERANCE

@@ -94,6 +94,11 @@ impl VisiblePoints {
         &self.exact
     }
 
+    /// Whether the light has a size, so that exact transmittances are means over it.
+    pub fn is_soft(&self) -> bool {
+        self.is_soft
+    }
+
     /// Whether there is no point visible to the camera at which shadow errors could be measured.
     pub fn is_empty(&self) -> bool {
         self.points_mm.is_empty()
