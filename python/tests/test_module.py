@@ -33,11 +33,8 @@ def test_the_types_know_every_argument():
     assert uv.Scene.render.__doc__ and uv.Volume.__doc__
 
 
-def test_the_types_are_those_of_the_module(tmp_path):
-    # Their stubs take the keywords of scenes together, and `test_the_types_know_every_argument` compares those.
-    with_keywords = ["umbravox.Scene.__init__", "umbravox.compare", "umbravox.render", "umbravox.transmittance"]
-    (tmp_path / "allowed").write_text("\n".join(with_keywords))
-    line = [sys.executable, "-m", "mypy.stubtest", "umbravox", "--ignore-missing-stub", "--allowlist", tmp_path / "allowed"]
+def test_the_types_are_those_of_the_module():
+    line = [sys.executable, "-m", "mypy.stubtest", "umbravox", "--ignore-missing-stub", "--allowlist", "/dev/null"]
     told = subprocess.run(line, capture_output=True, text=True, cwd=ROOT / "python" / "tests")
     assert told.returncode == 0, told.stdout + told.stderr
 

@@ -56,14 +56,21 @@ def transmittance(volume, points, method=None, affine=None, *, axes=None, **argu
     return Scene(volume, affine, axes=axes, **arguments).transmittance(points, method)
 
 
-_MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "flicker", "budget", "overwrite", "resume", "progress")
+#: Arguments of ``Scene.compare``, with their defaults.
+_MEASURING = {
+    **dict.fromkeys(("output", "repeats", "points", "rays", "depths", "flicker", "budget", "progress")),
+    "check": "sample",
+    "overwrite": False,
+    "resume": False,
+}
 
 
-def compare(volume=None, methods=None, affine=None, *, client=None, **arguments):
+def compare(volume=None, methods=None, affine=None, *, axes=None, client=None, **arguments):
     """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
 
     With ``client``, a Dask client, each method is measured on a worker.
     """
+    arguments["axes"] = axes
     measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
     if client is not None:
         from ._cluster import compare_on
@@ -84,14 +91,14 @@ def srgb8(picture):
     return np.round(255.0 * codes).astype(np.uint8)
 
 
-def _with_keywords(function, more=()):
+def _with_keywords(function, defaults={}):
     """Adds the names of ``arguments()`` and others to the signature of a function, for ``help`` and Tab."""
     import inspect
 
     signature = inspect.signature(function)
     *given, others = signature.parameters.values()
-    new = [name for name in (*more, *arguments()) if name not in signature.parameters]
-    keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in new]
+    new = [(name, defaults.get(name)) for name in (*defaults, *arguments()) if name not in signature.parameters]
+    keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default) for name, default in new]
     function.__signature__ = signature.replace(parameters=[*given, *keywords, others])
 
 

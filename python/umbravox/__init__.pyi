@@ -102,6 +102,22 @@ class SceneAndReadArguments(SceneArguments, FormatArguments, total=False):
     labels: ArrayLike | _Path | None
 
 @type_check_only
+class CompareArguments(SceneAndReadArguments, total=False):
+    """Arguments of a scene and of the measurement of its methods."""
+
+    output: _Path | None
+    repeats: int | None
+    points: int | None
+    rays: int | None
+    depths: int | None
+    check: str
+    flicker: int | None
+    budget: str | Sequence[str] | None
+    overwrite: bool
+    resume: bool
+    progress: _Progress
+
+@type_check_only
 class FileArguments(SceneAndReadArguments, total=False):
     """Arguments that a scene file may contain."""
 
@@ -279,8 +295,9 @@ def compare(
     methods: str | Sequence[str] | None = None,
     affine: ArrayLike | None = None,
     *,
+    axes: str | None = None,
     client: Any = None,
-    **arguments: Any,
+    **arguments: Unpack[CompareArguments],
 ) -> list[dict[str, Any]]:
     """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
 
