@@ -19,6 +19,7 @@ done
 status=0
 for name in "${!drivers[@]}"; do
     file=${drivers[$name]}
+    [[ $name != "${LEFT_OUT:-}" ]] || continue
     if [[ -z $file ]]; then
         echo "skipped: adapter-$name: its driver is not installed"
         continue

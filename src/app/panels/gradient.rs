@@ -52,9 +52,11 @@ impl Gradient {
         let (units, opacity) = (document.tf.units.clone(), per_mm(document));
         let (mut open, mut edits) = (true, Vec::new());
         let most = context.content_rect().size() - vec2(40.0, 70.0);
+        let view = model.view.unwrap_or(context.content_rect());
         egui::Window::new(TITLE)
             .id(egui::Id::unique(TITLE))
             .open(&mut open)
+            .default_pos(view.left_top() + vec2(12.0, 12.0))
             .default_size(vec2(420.0, 340.0).min(most))
             .max_size(most)
             .show(context, |ui| {
