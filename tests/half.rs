@@ -42,7 +42,8 @@ fn nothing_but_its_folders_and_its_lines_knows_it() {
 
 #[test]
 fn it_is_in_the_help_and_the_default_comparison() {
-    assert!(umbravox(&["render", "--help"]).contains("\n            half "));
+    assert!(umbravox(&["render", "--help"]).contains(" half;"));
+    assert!(umbravox(&["methods"]).contains("\nhalf "));
     let settings = umbravox(&["methods", "half"]);
     for word in ["half", "share=0..1", "[default: 0.5]"] {
         assert!(settings.contains(word), "{word}: {settings}");
