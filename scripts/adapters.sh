@@ -16,6 +16,9 @@ for folder in /usr/share/vulkan/icd.d /usr/local/share/vulkan/icd.d /etc/vulkan/
 done
 [[ -e /usr/lib/chromium/vk_swiftshader_icd.json ]] && drivers[swiftshader]=/usr/lib/chromium/vk_swiftshader_icd.json
 
+# ADAPTER_TESTS names modules of the device tests, and STABILITY_CASES cases of the stability suite: all by default.
+# LEFT_OUT is an adapter on which neither runs.
+read -ra picked <<<"${ADAPTER_TESTS:-}"
 status=0
 for name in "${!drivers[@]}"; do
     file=${drivers[$name]}
@@ -29,9 +32,10 @@ for name in "${!drivers[@]}"; do
     # What has run there already (TESTED) is not run again. Searches are short here. Skipped are tests of commands and tables
     # (files, interrupts), of pages, which the browser draws, and those of skipped work, which compare a driver with itself.
     [[ $name == "${TESTED:-}" ]] ||
-        UMBRAVOX_TESTS=small VK_DRIVER_FILES=$file "$cargo" test --locked --test gpu -- --show-output \
+        UMBRAVOX_TESTS=small VK_DRIVER_FILES=$file "$cargo" test --locked --test gpu -- --show-output "${picked[@]}" \
             --skip compare:: --skip cli:: --skip page:: --skip forced:: || status=1
-    VK_DRIVER_FILES=$file timeout 1200 "$umbravox" stability -o "$folder" || status=1
+    VK_DRIVER_FILES=$file timeout 2400 "$umbravox" stability ${STABILITY_CASES:+--case "$STABILITY_CASES"} -o "$folder" ||
+        status=1
     rm -rf "$folder"
 done
 exit $status
