@@ -86,7 +86,10 @@ archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" 
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"
 archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
-archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front"
+ranked=rays,dsm,osm,dom,bom,clusters,fourier,wavelet,avsm,moments,beer,lightvolume,sat
+archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front" --methods rays,dsm,osm,dom,bom,clusters,fourier,avsm,moments,lightvolume
+# Settings that the searches of an earlier revision found are measured again; without --settings all are searched.
+archive benchmark/all benchmark --data . --cells "*-front-*,*-side-*,*-back-*,*-lamp-*" --methods "$ranked" --settings "$root/docs/results/benchmark/front"
 archive benchmark/soft benchmark --data . --cells "*-sun-front,*-sky-front"
 
 [[ $measured -gt 0 ]] || { echo "results.sh: no folder ${chosen[*]}" >&2; exit 2; }

@@ -1,7 +1,9 @@
 //! Result of one cell of the benchmark, as a JSON file records it.
 
 use crate::error::Result;
+use crate::measure::budget::Budget;
 use crate::measure::stats::ErrorStats;
+use crate::shadow::{Method, MethodSpec, entry};
 use serde::{Deserialize, Serialize};
 
 /// Best answer of a shadow method, or the answer of an external program, in one cell of the benchmark.
@@ -38,7 +40,8 @@ pub struct Answer {
     /// methods beside such programs.
     #[serde(default)]
     pub image_rmse: Option<f64>,
-    /// Number of settings that the searches for all budgets of this method tried in the cell.
+    /// Number of settings that the searches for all budgets of this method tried in the cell; 0 where the settings are
+    /// those of another view.
     pub trials: usize,
     /// Whether the search ended because no step lowered the error, and not after its largest number of trials.
     #[serde(default)]
@@ -52,6 +55,15 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// Shadow method with these settings; `None` for an external program or if no settings are within the budget.
+    ///
+    /// # Errors
+    /// The settings do not parse.
+    pub fn own_method(&self) -> Result<Option<Box<dyn Method>>> {
+        let is_own = !self.settings.is_empty() && entry(&self.method).is_some();
+        is_own.then(|| self.settings.parse::<MethodSpec>()?.method()).transpose()
+    }
+
     /// Root mean square error of transmittance; infinite where there is no answer.
     pub fn error(&self) -> f64 {
         self.point_err_rms.unwrap_or(f64::INFINITY)
@@ -112,4 +124,17 @@ pub struct CellResult {
     pub transfer_function: String,
     /// Answers of the methods, budget by budget, then those of external programs.
     pub answers: Vec<Answer>,
+}
+
+impl CellResult {
+    /// Returns the answer of a method within a budget.
+    pub fn answer(&self, method: &str, budget: &Budget) -> Option<&Answer> {
+        let budget = budget.to_string();
+        self.answers.iter().find(|answer| answer.method == method && answer.budget == budget)
+    }
+
+    /// Whether there is an answer of a method within each budget.
+    pub fn has(&self, method: &str, budgets: &[Budget]) -> bool {
+        budgets.iter().all(|budget| self.answer(method, budget).is_some())
+    }
 }

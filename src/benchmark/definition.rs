@@ -113,16 +113,58 @@ pub struct Cell {
     pub name: String,
 }
 
+/// Where the settings of the methods in a cell come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source<T> {
+    /// A full search.
+    Full,
+    /// A short search that starts from the settings of another cell.
+    Nearby(T),
+    /// The settings of another cell.
+    Known(T),
+}
+
+impl<T> Source<T> {
+    /// Returns the other cell, if any.
+    pub fn cell(&self) -> Option<&T> {
+        match self {
+            Self::Full => None,
+            Self::Nearby(cell) | Self::Known(cell) => Some(cell),
+        }
+    }
+
+    /// Replaces the other cell, if any.
+    ///
+    /// # Errors
+    /// `change` fails.
+    pub fn try_map<U>(self, change: impl FnOnce(T) -> Result<U>) -> Result<Source<U>> {
+        Ok(match self {
+            Self::Full => Source::Full,
+            Self::Nearby(cell) => Source::Nearby(change(cell)?),
+            Self::Known(cell) => Source::Known(change(cell)?),
+        })
+    }
+}
+
 impl Cell {
     /// Whether two cells differ at most in light and view.
     pub fn is_beside(&self, other: &Self) -> bool {
         (self.volume, self.function) == (other.volume, other.function)
     }
 
-    /// Returns the first cell among `cells` of this cell's volume and transfer function and with a light of its kind, with
-    /// or without a size. The full search for settings is made there, and starts those of the other cells.
-    pub fn first<'a>(&self, cells: &'a [Self]) -> Option<&'a Self> {
-        cells.iter().find(|cell| self.is_beside(cell) && cell.is_soft == self.is_soft)
+    /// Returns where this cell takes its settings from, with the cell among `cells` that gives them.
+    ///
+    /// The first cell of a volume and transfer function has a full search. Other cells of the first view start their
+    /// search from it. The other views take the settings found under the same light in the first view: their points are
+    /// others than those that the settings were searched at.
+    pub fn source<'a>(&self, cells: &'a [Self]) -> Source<&'a Self> {
+        let first = cells.iter().find(|cell| self.is_beside(cell));
+        let of_light = cells.iter().find(|cell| self.is_beside(cell) && cell.light == self.light);
+        match (first, of_light) {
+            (_, Some(other)) if other != self => Source::Known(other),
+            (Some(first), _) if first != self => Source::Nearby(first),
+            _ => Source::Full,
+        }
     }
 }
 
@@ -250,8 +292,23 @@ mod tests {
         assert_eq!(cells.len(), definition.volume.len() * (3 * 4 * 3 + 2));
         let names: HashSet<_> = cells.iter().map(|cell| &cell.name).collect();
         assert_eq!(names.len(), cells.len());
-        let first = |cell: &Cell| cell.first(&cells).is_some_and(|first| first == cell);
-        assert_eq!(cells.iter().filter(|cell| first(cell)).count(), definition.volume.len() * (3 + 1));
+        let count = |is: fn(&Source<&Cell>) -> bool| cells.iter().filter(|c| is(&c.source(&cells))).count();
+        assert_eq!(count(|source| *source == Source::Full), definition.volume.len() * 3);
+        assert_eq!(count(|source| matches!(source, Source::Known(_))), definition.volume.len() * 3 * 4 * 2);
+    }
+
+    #[test]
+    fn settings_come_from_the_first_view_or_the_first_cell() {
+        let cells = Definition::frozen().unwrap().cells();
+        let source = |name: &str| {
+            let cell = cells.iter().find(|cell| cell.name == name).unwrap();
+            cell.source(&cells).try_map(|other| Ok(&*other.name)).unwrap()
+        };
+        assert_eq!(source("foam-dense-front-front"), Source::Full);
+        assert_eq!(source("foam-dense-lamp-front"), Source::Nearby("foam-dense-front-front"));
+        assert_eq!(source("foam-dense-lamp-close"), Source::Known("foam-dense-lamp-front"));
+        assert_eq!(source("foam-dense-front-above"), Source::Known("foam-dense-front-front"));
+        assert_eq!(source("foam-dense-sky-front"), Source::Nearby("foam-dense-front-front"));
     }
 
     #[test]

@@ -34,6 +34,9 @@ pub struct Conditions {
     pub driver: String,
     /// Revision of the program.
     pub revision: String,
+    /// Revision of the program that searched the settings, if they are those of an earlier run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings_revision: Option<String>,
 }
 
 /// Folder of benchmark results.

@@ -2,6 +2,7 @@
 //! each budget, and paired comparisons of the methods.
 
 use super::answer::{Answer, CellResult};
+use super::definition::Source;
 use super::exact;
 use super::settings::Settings;
 use crate::error::{Error, Result};
@@ -23,8 +24,7 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// Largest number of new trials of a method for each budget and each of its searched settings: in the first cell of a
-/// volume, transfer function and kind of light, and in the cells beside it, whose searches start from the settings found
-/// there.
+/// volume and transfer function, and in the cells beside it, whose searches start from the settings found there.
 const FULL_TRIALS: usize = 6;
 const NEARBY_TRIALS: usize = 1;
 /// Number of timed runs of the settings found within a budget of time.
@@ -96,13 +96,44 @@ impl<'a> CellJob<'a> {
         &self.job
     }
 
-    /// Searches the best settings of a method within each budget, smaller budgets first. `first` is the result of the first
-    /// cell, whose settings start the search; `None` for that cell itself. Searches within memory and within time share
-    /// nothing, since times vary.
+    /// Measures a method within each budget, smaller budgets first, with settings from `source`.
     ///
     /// # Errors
     /// The device is lost.
-    pub fn search(
+    pub fn answer(
+        &self,
+        entry: &'static Entry,
+        budgets: &[Budget],
+        source: &Source<CellResult>,
+    ) -> Result<Vec<(Answer, Errors)>> {
+        match source {
+            Source::Full => self.search(entry, budgets, None),
+            Source::Nearby(first) => self.search(entry, budgets, Some(first)),
+            Source::Known(other) => {
+                let is_same = other.cell == self.job.scene_name;
+                let known = budgets.iter().filter_map(|b| Some((*b, other.answer(entry.name, b)?)));
+                known.map(|(budget, known)| self.measure_again(budget, known, is_same)).collect()
+            }
+        }
+    }
+
+    /// Measures a method with known settings, found in the same cell or in another view.
+    fn measure_again(&self, budget: Budget, known: &Answer, is_same: bool) -> Result<(Answer, Errors)> {
+        let mut answer =
+            Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() };
+        if is_same {
+            (answer.trials, answer.converged) = (known.trials, known.converged);
+        }
+        let Some(method) = known.own_method()? else { return Ok((answer, Errors::new())) };
+        let method = (method.as_ref(), known.light_samples);
+        let errors = self.measure(method, Some(budget), self.with_pictures, &mut answer)?;
+        Ok((answer, errors))
+    }
+
+    /// Searches the best settings of a method within each budget, smaller budgets first. `first` is the result of the first
+    /// cell, whose settings start the search; `None` for that cell itself. Searches within memory and within time share
+    /// nothing, since times vary.
+    fn search(
         &self,
         entry: &'static Entry,
         budgets: &[Budget],

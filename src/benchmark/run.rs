@@ -1,7 +1,7 @@
 //! Run of the benchmark: measures the selected cells one after the other, and records each.
 
 use super::answer::CellResult;
-use super::definition::{Cell, Definition};
+use super::definition::{Cell, Definition, Source};
 use super::external::External;
 use super::folder::Folder;
 use super::measure::{CellJob, compared, effort};
@@ -39,6 +39,8 @@ pub struct Run<'a> {
     pub externals: &'a [External],
     /// Folder of the volumes that are files.
     pub data: PathBuf,
+    /// Results of an earlier run. Methods that it has in a cell are measured with its settings, without a search.
+    pub settings: Option<&'a Folder<'a>>,
 }
 
 /// Volume of the benchmark that has been read, with the settings of its scenes.
@@ -73,8 +75,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Measures all selected cells that the folder has no result of. The first cell of each volume, transfer function and
-    /// kind of light is measured before the others, whether it is selected or not.
+    /// Measures all selected cells that the folder has no result of. A cell that others take their settings from is
+    /// measured before them, whether it is selected or not.
     ///
     /// # Errors
     /// A volume cannot be read, a file cannot be written, the device is lost, or `watch` ends the run.
@@ -82,29 +84,60 @@ impl Run<'_> {
         let all = self.definition.cells();
         let (mut subject, mut on_device) = (None, None);
         for cell in self.cells {
-            let needed = [cell.first(&all).filter(|_| !self.methods.is_empty()), Some(cell)];
-            for cell in needed.into_iter().flatten() {
-                if folder.result(cell)?.is_some() {
-                    continue;
-                }
+            for cell in self.needed(cell, &all, folder)? {
                 watch(&cell.name)?;
                 let subject = self.subject(cell, &mut subject)?;
                 let loaded = self.load(cell, subject)?;
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
-                let first = cell.first(&all).filter(|first| *first != cell);
-                let first = first.map(|first| folder.result(first)).transpose()?.flatten();
+                let source = self.settings_source(cell, &all, folder)?;
                 let open = || open(&loaded, renderer);
-                let result = self.measure_cell(
-                    cell,
-                    (&loaded, &subject.settings),
-                    (session, &open),
-                    first.as_ref(),
-                    watch,
-                )?;
+                let result =
+                    self.measure_cell(cell, (&loaded, &subject.settings), (session, &open), &source, watch)?;
                 folder.record(cell, &result)?;
             }
         }
         Ok(())
+    }
+
+    /// Returns the cells to measure for a selected one: those that its settings depend on, then itself, without those
+    /// whose results are known.
+    fn needed<'b>(&self, cell: &'b Cell, all: &'b [Cell], folder: &Folder) -> Result<Vec<&'b Cell>> {
+        let mut needed = Vec::new();
+        if folder.result(cell)?.is_some() {
+            return Ok(needed);
+        }
+        let mut next = Some(cell);
+        while let Some(cell) = next {
+            needed.insert(0, cell);
+            next = cell.source(all).cell().copied().filter(|_| !self.methods.is_empty());
+            if let Some(other) = next
+                && self.known(other, folder)?.is_some()
+            {
+                next = None;
+            }
+        }
+        Ok(needed)
+    }
+
+    /// Returns where a cell takes its settings from, with the result that has them.
+    fn settings_source(&self, cell: &Cell, all: &[Cell], folder: &Folder) -> Result<Source<CellResult>> {
+        if self.methods.is_empty() {
+            return Ok(Source::Full);
+        }
+        let missing = |other: &Cell| Error::runtime("cannot use benchmark cell", &other.name, "no result");
+        cell.source(all).try_map(|other| self.known(other, folder)?.ok_or_else(|| missing(other)))
+    }
+
+    /// Returns the known result of a cell: that of this run, else that of the earlier one if it has all methods.
+    fn known(&self, cell: &Cell, folder: &Folder) -> Result<Option<CellResult>> {
+        let own = folder.result(cell)?;
+        let has_all = |result: &CellResult| self.methods.iter().all(|m| result.has(m.name, self.budgets));
+        Ok(if own.is_some() { own } else { self.recorded(cell)?.filter(has_all) })
+    }
+
+    /// Returns the result of a cell in the earlier run.
+    fn recorded(&self, cell: &Cell) -> Result<Option<CellResult>> {
+        Ok(self.settings.map(|folder| folder.result(cell)).transpose()?.flatten())
     }
 
     /// Returns the volume of a cell; reads it unless it is that of the cell before.
@@ -133,7 +166,7 @@ impl Run<'_> {
         cell: &Cell,
         (loaded, settings): (&Loaded, &SceneSettings),
         (session, open): (&Session, &dyn Fn() -> Result<Session>),
-        first: Option<&CellResult>,
+        source: &Source<CellResult>,
         watch: Watch,
     ) -> Result<CellResult> {
         let subject = (&*loaded.volume, &loaded.tf);
@@ -153,13 +186,17 @@ impl Run<'_> {
             let exchange = tempfile::tempdir().map_err(failed)?;
             of_externals.push(external.answer(&cell_job, [&scene?, &small?], exchange.path())?);
         }
+        let recorded = self.recorded(cell)?.map(Source::Known);
         let mut found = Vec::new();
         for entry in self.methods {
             watch(&format!("{}: {}", cell.name, entry.name))?;
             // Under a light with a size a search builds thousands of maps.
             let own = cell.is_soft.then(open).transpose()?;
             let job = own.as_ref().map(|session| cell_job.on(session));
-            found.extend(job.as_ref().unwrap_or(&cell_job).search(entry, self.budgets, first)?);
+            let recorded =
+                recorded.as_ref().filter(|r| r.cell().is_some_and(|r| r.has(entry.name, self.budgets)));
+            let source = recorded.unwrap_or(source);
+            found.extend(job.as_ref().unwrap_or(&cell_job).answer(entry, self.budgets, source)?);
         }
         let answers = compared(self.budgets, found, &of_externals);
         let mut spec = settings.spec();

@@ -19,10 +19,8 @@ impl CellJob<'_> {
     ) -> Result<()> {
         let title = |answer: &Answer| format!("{} {} {}", recorded.cell, answer.budget, answer.method);
         verified.compare(&recorded.cell, "exact_hash", [&recorded.exact_hash, &self.hash], true);
-        let is_own =
-            |answer: &&Answer| !answer.settings.is_empty() && crate::shadow::entry(&answer.method).is_some();
-        for answer in recorded.answers.iter().filter(is_own) {
-            let method = answer.settings.parse::<crate::shadow::MethodSpec>()?.method()?;
+        for answer in &recorded.answers {
+            let Some(method) = answer.own_method()? else { continue };
             let mut measured = Answer::default();
             let with_picture = answer.image_rmse.is_some();
             self.measure((method.as_ref(), answer.light_samples), None, with_picture, &mut measured)?;

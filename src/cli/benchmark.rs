@@ -18,7 +18,7 @@ use crate::report::run::Shard;
 use crate::shadow::{Entry, METHODS, SearchSpace};
 use clap::Args;
 use itertools::Itertools as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Rank shadow methods within equal budgets: search the best settings of each in every cell of a frozen benchmark.
@@ -39,6 +39,9 @@ pub struct BenchmarkArgs {
     /// Budgets of memory (bytes=512KiB,2MiB) or of build plus frame time (ms=50); may be given several times
     #[arg(long, value_name = "BUDGET", default_value = "bytes=512KiB,2MiB")]
     pub budget: Vec<String>,
+    /// Measure the methods in FOLDER, an earlier result, with the settings found there, without a search
+    #[arg(long, value_name = "FOLDER")]
+    pub settings: Option<PathBuf>,
     /// Rank an external program too, which answers the same points; may be given several times
     #[arg(long, value_name = "NAME=COMMAND", value_parser = str::parse::<External>)]
     pub external: Vec<External>,
@@ -81,6 +84,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
     if let Some(output) = &args.output {
         check_output_dir(output)?;
     }
+    let settings = args.settings.as_deref().map(|path| earlier(path, &definition)).transpose()?;
     let own: Vec<Cell> =
         cells.iter().filter(|cell| is_of_shard(cell, args.shard, &definition)).cloned().collect();
     let run = Run {
@@ -90,6 +94,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         budgets: &budgets,
         externals: &args.external,
         data: args.data.clone(),
+        settings: settings.as_ref().map(|(folder, _)| folder),
     };
     run.check()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
@@ -118,6 +123,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         adapter: facts.adapter.clone(),
         driver: facts.driver.clone(),
         revision: facts.revision.into(),
+        settings_revision: settings.as_ref().map(|(_, of)| of.revision.clone()),
     };
     let folder = Folder::open(output, &conditions)?;
     let measured = run.measure(&folder, &renderer, &mut watch);
@@ -127,6 +133,18 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         Some(shard) => print_result(&format_args!("shard {shard}: {} cells are measured\n", own.len())),
         None => publish(&cells, &folder, &facts),
     }
+}
+
+/// Opens earlier results, whose settings are measured again.
+///
+/// # Errors
+/// The folder has no results of this benchmark.
+fn earlier<'a>(path: &'a Path, definition: &Definition) -> Result<(Folder<'a>, Conditions)> {
+    let refuse = |why: String| Error::input("cannot use --settings", path.display(), why);
+    let (folder, of) =
+        Folder::archived(path)?.ok_or_else(|| refuse("it has no results of the benchmark".into()))?;
+    let is_same = of.version == definition.version;
+    is_same.then_some((folder, of)).ok_or_else(|| refuse("its results are of another version".into()))
 }
 
 /// Writes tables and plots of all selected cells that the folder has results of.
@@ -150,7 +168,7 @@ fn publish(cells: &[Cell], folder: &Folder, facts: &Facts) -> Result<()> {
     Ok(())
 }
 
-fn interrupted(output: &std::path::Path) -> Error {
+fn interrupted(output: &Path) -> Error {
     Error::runtime("interrupted", output.display(), "measured cells are recorded")
         .hint("the same command line continues")
 }

@@ -72,7 +72,15 @@ fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions)
         }
     }
     let (definition, data) = (&definition, args.data.clone());
-    let run = BenchmarkRun { definition, cells: &cells, methods: &[], budgets: &[], externals: &[], data };
+    let run = BenchmarkRun {
+        definition,
+        cells: &cells,
+        methods: &[],
+        budgets: &[],
+        externals: &[],
+        data,
+        settings: None,
+    };
     run.check()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
     let facts = Facts::of(renderer.gpu());

@@ -85,14 +85,35 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
         "a file is not measured again"
     );
 
-    // Searches beside a cell start from its settings and take fewer trials.
-    let beside = rows(&benchmark(dir.path(), "cloud-dense-side-close"));
-    let trials = |table: &[HashMap<String, String>]| table[0]["trials"].parse::<usize>().unwrap();
-    assert!(trials(&beside) < trials(&table), "{beside:?}");
+    // Another view takes the settings of the same light, whose search starts from the first cell.
+    let beside = rows(&benchmark(dir.path(), "cloud-dense-side-*"));
+    let of = |cell: &str| beside.iter().find(|row| row["cell"] == cell && row["method"] == "osm").unwrap();
+    let trials = |row: &HashMap<String, String>| row["trials"].parse::<usize>().unwrap();
+    let [front, close] = ["cloud-dense-side-front", "cloud-dense-side-close"].map(of);
+    assert!(trials(front) < trials(&table[0]) && trials(close) == 0, "{beside:?}");
+    assert_eq!((&front["settings"], &front["bytes"]), (&close["settings"], &close["bytes"]));
+    assert_ne!(front["point_err_rms"], close["point_err_rms"]);
 
     let other = [&ARGUMENTS[..5], &["--budget", "bytes=64KiB", "--cells", "cloud-*"]].concat();
     let error = refused(dir.path(), &other);
     assert!(error.contains("out") && error.contains("other methods, budgets"), "{error}");
+    measures_again_without_a_search(dir.path(), front);
+}
+
+/// Measures a cell with the settings of an earlier run, beside a method that this run has not.
+fn measures_again_without_a_search(folder: &Path, earlier: &HashMap<String, String>) {
+    let cells = "cloud-dense-side-front";
+    let budget = ["--budget", "bytes=256KiB", "--methods", "osm,beer"];
+    let arguments =
+        [&["benchmark", "-o", "again", "--settings", "out", "--cells", cells], &budget[..]].concat();
+    let output = umbravox(folder, &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = rows(&fs::read_to_string(folder.join("again/benchmark.csv")).unwrap());
+    let again = table.iter().find(|row| row["method"] == "osm").unwrap();
+    for column in ["settings", "bytes", "point_err_rms", "trials", "converged"] {
+        assert_eq!(again[column], earlier[column], "{column}");
+    }
+    assert!(table.iter().any(|row| row["method"] == "beer" && row["trials"] != "0"), "{table:?}");
 }
 
 #[test]
