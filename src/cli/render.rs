@@ -155,11 +155,8 @@ impl RenderJob<'_> {
         let prepared = session.prepare_with(self.method.as_ref(), extent, &mut work, building)?;
         self.progress.show_rays(0.0);
         let mut picture = prepared.render_watched(scene, |share| self.progress.show_rays(share))?;
-        if asked {
-            self.progress.show_step("exact transmittance");
-        }
         let certified = exact.as_ref().zip(args.certify);
-        let certified = certified.map(|(field, eta)| certify(&prepared, field, scene, eta)).transpose()?;
+        let certified = certified.map(|(field, eta)| self.certify(&prepared, field, eta)).transpose()?;
         certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
         let texts = self.texts(scene, None)?;
         if args.annotate {
@@ -172,9 +169,27 @@ impl RenderJob<'_> {
         if let (Some(path), Some(certified)) = (&args.error_picture, &certified) {
             write_picture(path, &certified.error_pixels())?;
         }
-        let mean_error = exact.filter(|_| args.error_bound).map(|f| mean_error(&f, scene, &prepared));
+        let of_points = |field| {
+            self.progress.show_share("exact transmittance", 0.0);
+            mean_error(&field, scene, &prepared)
+        };
+        let mean_error = exact.filter(|_| args.error_bound).map(of_points);
         let certificate = certified.as_ref().map(CertifiedPicture::certificate);
         Ok(Summary { mean_error: mean_error.transpose()?, certificate, ..self.summary(&prepared, &picture) })
+    }
+
+    /// Returns a picture whose transmittances err by at most `eta`, or are those of shadow rays.
+    fn certify(
+        &self,
+        Prepared { renderer, loaded, transfer, shadows }: &Prepared<'_>,
+        field: &ExactField<'_>,
+        eta: f64,
+    ) -> Result<CertifiedPicture> {
+        let certified = CertifiedScene { renderer, loaded, transfer, shadows, field };
+        certified.render(&self.loaded.scene, eta, &|share| {
+            self.progress.show_share("certified eye rays", share);
+            Ok(())
+        })
     }
 
     /// Draws and writes the pictures of a rotation or of a time series.
@@ -252,17 +267,6 @@ fn exact_field<'a>(
     let shaded = strands.filter(|_| scene.shading.is_of_strands());
     let directions = shaded.map(VoxelisedStrands::directions).transpose()?;
     Ok(ExactField::new(volume, tf).with_directions(directions))
-}
-
-/// Returns a picture whose transmittances err by at most `eta`, or are those of shadow rays.
-fn certify(
-    prepared: &Prepared<'_>,
-    field: &ExactField<'_>,
-    scene: &Scene,
-    eta: f64,
-) -> Result<CertifiedPicture> {
-    let Prepared { renderer, loaded, transfer, shadows } = prepared;
-    CertifiedScene { renderer, loaded, transfer, shadows, field }.render(scene, eta, &|| Ok(()))
 }
 
 /// Returns the mean error of the shadows of a picture.

@@ -15,8 +15,8 @@ pub struct RenderProgress {
     name: RefCell<String>,
     /// Number of finished pictures, and the time that they took, s.
     finished: Cell<(usize, f64)>,
-    /// Begin of the eye rays of the present picture.
-    rays_began: Cell<Option<Instant>>,
+    /// Step of the present picture whose share is shown, and its begin.
+    step: Cell<Option<(&'static str, Instant)>>,
 }
 
 impl RenderProgress {
@@ -31,7 +31,7 @@ impl RenderProgress {
             began: Instant::now(),
             name: RefCell::default(),
             finished: Cell::default(),
-            rays_began: Cell::default(),
+            step: Cell::default(),
         })
     }
 
@@ -48,23 +48,22 @@ impl RenderProgress {
 
     /// Shows the share of the present picture that is drawn, 0 to 1.
     pub fn show_rays(&self, share: f32) {
-        if self.rays_began.get().is_none() {
-            self.rays_began.set(Some(Instant::now()));
-        }
-        self.show("eye rays", share);
+        self.show_share("eye rays", share);
     }
 
-    /// Shows another step of a single picture.
-    pub fn show_step(&self, what: &str) {
-        self.rays_began.set(None);
-        self.show(what, 1.0);
+    /// Shows the share of a step of the present picture that is done, 0 to 1.
+    pub fn show_share(&self, what: &'static str, share: f32) {
+        if self.step.get().is_none_or(|(known, _)| known != what) {
+            self.step.set(Some((what, Instant::now())));
+        }
+        self.show(what, share);
     }
 
     /// Counts a finished picture.
     pub fn end_picture(&self) {
         let (done, _) = self.finished.get();
         self.finished.set((done + 1, self.began.elapsed().as_secs_f64()));
-        self.rays_began.set(None);
+        self.step.set(None);
     }
 
     /// Prints a message for the user above the progress.
@@ -77,7 +76,7 @@ impl RenderProgress {
         self.display.finish_and_clear();
     }
 
-    /// Shows a step. `share` is the share of the present picture that is drawn. A single picture counts in percent.
+    /// Shows a step. `share` is the share of it that is done. A single picture counts in percent.
     fn show(&self, what: &str, share: f32) {
         let (finished, _) = self.finished.get();
         let (done, total) = match self.pictures {
@@ -91,12 +90,12 @@ impl RenderProgress {
         self.display.show(&Status { step: &step, what: &parts.join(", "), done, total, left_s });
     }
 
-    /// Estimates the remaining time, s: from finished pictures, or from the eye rays of a single picture.
+    /// Estimates the remaining time, s: from finished pictures, or from the present step of a single picture.
     fn left_s(&self, share: f32) -> Option<f64> {
         let (finished, took_s) = self.finished.get();
-        let rays_s = self.rays_began.get().map(|began| began.elapsed().as_secs_f64());
+        let step_s = self.step.get().map(|(_, began)| began.elapsed().as_secs_f64());
         match finished {
-            0 if self.pictures == 1 => rays_s.and_then(|rays_s| left_of_share(rays_s, share)),
+            0 if self.pictures == 1 => step_s.and_then(|step_s| left_of_share(step_s, share)),
             0 => None,
             _ => Some(took_s / finished as f64 * (self.pictures - finished.min(self.pictures)) as f64),
         }
@@ -128,5 +127,7 @@ mod tests {
         assert_eq!(single.left_s(0.0), None);
         single.show_rays(0.5);
         assert!(single.left_s(0.5).is_some());
+        single.show_share("certified eye rays", 0.0);
+        assert_eq!(single.left_s(0.0), None, "another step has its own time");
     }
 }

@@ -26,7 +26,8 @@ const TOLERANCE: f64 = 5e-4;
 pub struct MeanTransmittance {
     /// Mean transmittance from all points or directions of a light, in `[0, 1]`.
     pub value: f64,
-    /// Standard error of the mean transmittance; 0 for a light without a size.
+    /// Standard error of the mean transmittance; 0 for a light without a size. It is estimated from 8 independent means,
+    /// so errors divided by it have Student's distribution with 7 degrees of freedom: 2 % of them exceed 3.
     pub standard_error: f64,
 }
 

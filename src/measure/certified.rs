@@ -145,13 +145,13 @@ impl CertifiedScene<'_> {
     /// rays.
     ///
     /// # Errors
-    /// The scene has a mesh, a shadow map has no enclosure, the device is lost, or `go_on`, which is called every
-    /// thousand pixels, returns an error.
+    /// The scene has a mesh, a shadow map has no enclosure, the device is lost, or `go_on` returns an error, which
+    /// is called every thousand pixels with the share of the picture that is done.
     pub fn render(
         &self,
         scene: &Scene,
         eta: f64,
-        go_on: &dyn Fn() -> Result<()>,
+        go_on: &dyn Fn(f32) -> Result<()>,
     ) -> Result<CertifiedPicture> {
         check(scene)?;
         let rays = self.renderer.shadows_in(
@@ -164,7 +164,7 @@ impl CertifiedScene<'_> {
         let (width, count) = (scene.width, scene.width as usize * scene.height as usize);
         let (mut pixels, mut lookups) = (Vec::with_capacity(count), [0usize; 2]);
         for first in (0..count).step_by(PIXELS_AT_ONCE) {
-            go_on()?;
+            go_on(first as f32 / count as f32)?;
             let some = first as u32..(first + PIXELS_AT_ONCE).min(count) as u32;
             let eye_rays: Vec<EyeRay> = some
                 .into_par_iter()

@@ -181,7 +181,7 @@ impl ExactView {
                 let shadows = shadows.maps();
                 let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: &field };
                 let proceed = || if go_on() { Ok(()) } else { Err(Error::cancelled("certified picture")) };
-                let certified = match certified.render(&self.scene, DEFAULT_ETA, &proceed) {
+                let certified = match certified.render(&self.scene, DEFAULT_ETA, &|_| proceed()) {
                     Err(e) if e.is_cancelled() => return Ok(None),
                     found => found?,
                 };

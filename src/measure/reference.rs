@@ -386,7 +386,7 @@ impl<'a> Reference<'a> {
         }
         let Session { renderer, loaded, .. } = self.job.session;
         let certified = CertifiedScene { renderer, loaded, transfer, shadows, field: self.field };
-        row.set_certified(&certified.render(scene, DEFAULT_ETA, &|| Ok(()))?, pixels);
+        row.set_certified(&certified.render(scene, DEFAULT_ETA, &|_| Ok(()))?, pixels);
         Ok(())
     }
 

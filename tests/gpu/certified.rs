@@ -17,7 +17,7 @@ fn certified(setup: &Setup, scene: &Scene, spec: &str, eta: f64) -> CertifiedPic
         shadows: &maps.iter().collect::<Vec<_>>(),
         field: &field,
     };
-    certified.render(scene, eta, &|| Ok(())).unwrap()
+    certified.render(scene, eta, &|_| Ok(())).unwrap()
 }
 
 /// Returns the largest excess of a colour channel's error over its bound, and the mean error and bound.

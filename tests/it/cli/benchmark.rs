@@ -26,7 +26,7 @@ fn mistakes_are_refused_before_anything_is_made() {
         (&["--cells", "cloud-*", "--budget", "bytes=none"], &["--budget", "bytes=none"]),
         (&["--cells", "cloud-*", "--external", "dsm=true"], &["dsm=true", "shadow method"]),
         (&["--cells", "cloud-*", "--shard", "3/2"], &["3/2"]),
-        (&["--cells", "cloud-*", "--settings", "none"], &["--settings none", "no results"]),
+        (&["--cells", "cloud-*", "--settings", "none"], &["--settings (none)", "no results"]),
     ] {
         let error = refused(dir.path(), &[&["benchmark", "-o", "out"], arguments].concat());
         assert!(words.iter().all(|word| error.contains(word)), "{arguments:?}: {error}");
