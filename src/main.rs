@@ -23,7 +23,7 @@ fn view(args: ViewArgs) -> Result<()> {
         request.settings.check_volume_exists()?;
     }
     let scene = (asked || args.clean).then_some(request.settings);
-    run(Start { scene, adapter: request.run.adapter, clean: args.clean, hook: None })
+    run(Start { scene, run: request.run, clean: args.clean, hook: None })
 }
 
 /// Returns an error for the `view` command, because this build has no window.

@@ -78,8 +78,8 @@ fn main() -> ExitCode {
 fn replay(args: Args) -> Result<()> {
     let script = Script { steps: read_steps(&args.script)?, ..Script::default() };
     let request = args.view.scene.into_request()?;
-    let (adapter, clean) = (request.run.adapter, args.view.clean);
-    run(Start { scene: Some(request.settings), adapter, clean, hook: Some(Box::new(script)) })
+    let clean = args.view.clean;
+    run(Start { scene: Some(request.settings), run: request.run, clean, hook: Some(Box::new(script)) })
 }
 
 /// Running script.

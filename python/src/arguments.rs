@@ -5,7 +5,7 @@ use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyString};
 use toml::{Table, Value};
-use umbravox::open::{Layer, SceneRequest, SceneSettings};
+use umbravox::open::{Layer, RunFlags, SceneRequest, SceneSettings};
 use umbravox::transfer::TransferFunction;
 
 const WHAT: &str = "bad argument";
@@ -17,7 +17,8 @@ pub const COMMAND_LINE_ONLY: [&str; 2] = ["explain", "json"];
 #[derive(Clone, Default)]
 pub struct Request {
     pub settings: SceneSettings,
-    pub adapter: Option<String>,
+    /// Choice of the graphics adapter, and the limit on its memory.
+    pub run: RunFlags,
     /// Transfer function given as a dictionary in the argument `tf`, instead of a name.
     pub function: Option<TransferFunction>,
     /// Names of settings given as empty lists, which remove the scene's own values of these settings.
@@ -56,12 +57,12 @@ impl Request {
             (e.place, e.hint) = (e.place.replace('-', "_"), e.hint.map(|hint| as_names(&hint)));
             e
         })?;
-        Ok(Self { settings, adapter: run.adapter, function, cleared })
+        Ok(Self { settings, run, function, cleared })
     }
 
     /// Takes over the scene settings that a scene file contains.
     pub fn of_file(SceneRequest { settings, run }: SceneRequest) -> Self {
-        Self { settings, adapter: run.adapter, ..Self::default() }
+        Self { settings, run, ..Self::default() }
     }
 
     /// Combines two layers of scene settings: a value in `self` wins over one in `below`.
@@ -83,8 +84,8 @@ impl Request {
         let function = self.function.clone().or_else(|| below.function.clone().filter(|_| !named));
         // A transfer function given as a dictionary wins over a name given earlier.
         let tf = settings.tf.clone().filter(|_| function.is_none());
-        let adapter = self.adapter.over(&below.adapter);
-        Ok(Self { settings: SceneSettings { tf, ..settings }, adapter, function, cleared: Vec::new() })
+        let run = self.run.over(&below.run);
+        Ok(Self { settings: SceneSettings { tf, ..settings }, run, function, cleared: Vec::new() })
     }
 }
 

@@ -278,7 +278,7 @@ impl PyScene {
             || (),
             |py, step| listener.report(py, step),
             |cancellation, sender| {
-                let renderer = device::own(request.adapter.as_deref())?;
+                let renderer = device::own(&request.run)?;
                 let compared = self.state.with_scene(&request, cancellation, |loaded, scene| {
                     table.compared_scene(loaded, &request, scene, &self.state.input)
                 })?;
@@ -416,12 +416,9 @@ impl PyScene {
         if !request.settings.reads_as(&self.base.settings) {
             return Err(another_volume());
         }
-        if request.adapter != self.base.adapter {
-            return Err(Fault::input(
-                "bad argument",
-                "adapter",
-                "the scene is on another: make a scene for each",
-            ));
+        if request.run != self.base.run {
+            let name = if request.run.adapter == self.base.run.adapter { "device_memory" } else { "adapter" };
+            return Err(Fault::input("bad argument", name, "the scene is on another: make a scene for each"));
         }
         Ok(request)
     }

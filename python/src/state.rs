@@ -245,7 +245,7 @@ impl SceneState {
     }
 
     pub fn renderer(&self, request: &Request) -> Result<Arc<Renderer>> {
-        device::renderer(request.adapter.as_deref())
+        device::renderer(&request.run)
     }
 
     /// Prepares the GPU data for a picture or a query, and passes them to `then` with the scene.

@@ -94,6 +94,7 @@ class SceneArguments(TypedDict, total=False):
     skip: str | None
     no_skip: str | None
     adapter: str | None
+    device_memory: str | None
 
 @type_check_only
 class SceneAndReadArguments(SceneArguments, FormatArguments, total=False):

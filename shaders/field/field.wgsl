@@ -44,33 +44,31 @@ struct Field {
     hidden_value: f32,
     // Clip planes in grid space, as (n, d): points with n·g >= d stay visible (CLIP). Unused entries clip nothing.
     clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
-#ifdef FOLDED
-    fold: Fold,
+#ifdef PAGED
+    // Number of pages along each axis.
+    page_counts: vec3<i32>,
+    // Value of a texel that is a whole number: word_sign * (texel - word_offset) (WHOLE_TEXELS).
+    word_sign: f32,
+    word_offset: f32,
 #endif
 }
-
-#ifdef FOLDED
-// Layout of a volume that is longer than a texture may be: its tiles lie side by side in the texture
-// (src/field/fold.rs).
-struct Fold {
-    // Voxels from one tile to the next, and number of tiles, along each axis of the grid.
-    period: vec3<i32>,
-    tiles: vec3<i32>,
-    // Number of tiles along each axis of the texture, texels from one tile to the next, and texels before a tile's
-    // first voxel.
-    placed: vec3<i32>,
-    stride: vec3<i32>,
-    margin: vec3<i32>,
-    // Reciprocal size of the texture, 1 / texels.
-    inv_sides: vec3<f32>,
-}
-#endif
 
 @group(0) @binding(0) var<uniform> field: Field;
+#ifdef WHOLE_TEXELS
+@group(0) @binding(1) var volume: texture_3d<u32>;
+#else
 @group(0) @binding(1) var volume: texture_3d<f32>;
+#endif
 @group(0) @binding(2) var linear_clamp: sampler;
 // Chebyshev distance of each brick to the nearest active brick, in bricks; 0 for active bricks.
 @group(0) @binding(3) var brick_distance: texture_3d<u32>;
+#ifdef PAGED
+// Place of each page of the volume in its texture, ten bits an axis (src/field/pages.rs).
+@group(0) @binding(12) var page_table: texture_3d<u32>;
+const PAGE_SHIFT: vec3<u32> = vec3<u32>(#{PAGE_SHIFT});
+// Texels from one page to the next.
+const PAGE_VOXELS: i32 = #{PAGE_VOXELS};
+#endif
 
 // The eight values that a cell interpolates, x fastest: lo = z - 1 layer, hi = z layer; (x-y-, x+y-, x-y+, x+y+).
 struct Cell {
@@ -78,24 +76,31 @@ struct Cell {
     hi: vec4<f32>,
 }
 
-#ifdef FOLDED
+#ifdef PAGED
 // Returns the offset from voxel to texel coordinates for the voxel `low` and the next ones along each axis.
-fn tile_offset(low: vec3<i32>) -> vec3<i32> {
-    let tile = min(low / field.fold.period, field.fold.tiles - 1);
-    let number = tile.x + field.fold.tiles.x * (tile.y + field.fold.tiles.y * tile.z);
-    let row = number / field.fold.placed.x;
-    let layer = row / field.fold.placed.y;
-    let place = vec3<i32>(number - row * field.fold.placed.x, row - layer * field.fold.placed.y, layer);
-    return place * field.fold.stride + field.fold.margin - tile * field.fold.period;
+fn page_offset(low: vec3<i32>) -> vec3<i32> {
+    let page = min(low >> PAGE_SHIFT, field.page_counts - 1);
+    let entry = textureLoad(page_table, page, 0).x;
+    let slot = vec3<i32>((vec3<u32>(entry) >> vec3<u32>(0u, 10u, 20u)) & vec3<u32>(1023u));
+    return slot * PAGE_VOXELS - (page << PAGE_SHIFT);
 }
 #endif
 
 // Returns the texel that stores a voxel.
 fn voxel_texel(voxel: vec3<i32>) -> vec3<i32> {
-#ifdef FOLDED
-    return voxel + tile_offset(voxel);
+#ifdef PAGED
+    return voxel + page_offset(voxel);
 #else
     return voxel;
+#endif
+}
+
+// Returns the value that a texel of the volume stores.
+fn texel_value(texel: vec3<i32>) -> f32 {
+#ifdef WHOLE_TEXELS
+    return field.word_sign * (f32(textureLoad(volume, texel, 0).x) - field.word_offset);
+#else
+    return textureLoad(volume, texel, 0).x;
 #endif
 }
 
@@ -109,8 +114,8 @@ fn ends_of_cell(cell: vec3<i32>) -> CellEnds {
     let last = vec3<i32>(field.size) - 1;
     let low = clamp(cell - 1, vec3<i32>(0), last);
     let high = clamp(cell, vec3<i32>(0), last);
-#ifdef FOLDED
-    let offset = tile_offset(low);
+#ifdef PAGED
+    let offset = page_offset(low);
     return CellEnds(low + offset, high + offset);
 #else
     return CellEnds(low, high);
@@ -124,16 +129,16 @@ fn cell_values(cell: vec3<i32>) -> Cell {
     let b = ends.high;
     return Cell(
         vec4<f32>(
-            textureLoad(volume, a, 0).x,
-            textureLoad(volume, vec3<i32>(b.x, a.y, a.z), 0).x,
-            textureLoad(volume, vec3<i32>(a.x, b.y, a.z), 0).x,
-            textureLoad(volume, vec3<i32>(b.x, b.y, a.z), 0).x,
+            texel_value(a),
+            texel_value(vec3<i32>(b.x, a.y, a.z)),
+            texel_value(vec3<i32>(a.x, b.y, a.z)),
+            texel_value(vec3<i32>(b.x, b.y, a.z)),
         ),
         vec4<f32>(
-            textureLoad(volume, vec3<i32>(a.x, a.y, b.z), 0).x,
-            textureLoad(volume, vec3<i32>(b.x, a.y, b.z), 0).x,
-            textureLoad(volume, vec3<i32>(a.x, b.y, b.z), 0).x,
-            textureLoad(volume, b, 0).x,
+            texel_value(vec3<i32>(a.x, a.y, b.z)),
+            texel_value(vec3<i32>(b.x, a.y, b.z)),
+            texel_value(vec3<i32>(a.x, b.y, b.z)),
+            texel_value(b),
         ),
     );
 }
@@ -151,10 +156,10 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: 
     let a = select(near, plane, along);
     let b = select(far, plane, along);
     let face = vec4<f32>(
-        textureLoad(volume, a, 0).x,
-        textureLoad(volume, vec3<i32>(b.x, select(a.y, b.y, along.x), a.z), 0).x,
-        textureLoad(volume, vec3<i32>(a.x, select(a.y, b.y, along.z), b.z), 0).x,
-        textureLoad(volume, b, 0).x,
+        texel_value(a),
+        texel_value(vec3<i32>(b.x, select(a.y, b.y, along.x), a.z)),
+        texel_value(vec3<i32>(a.x, select(a.y, b.y, along.z), b.z)),
+        texel_value(b),
     );
     let lo = before.lo;
     let hi = before.hi;
@@ -184,13 +189,7 @@ fn value_at(exact: vec3<f32>) -> f32 {
     return interpolated_value(g);
 #else
     count_work(LOADS, 1u);
-#ifdef FOLDED
-    let index = clamp(g - 1.0, vec3<f32>(0.0), vec3<f32>(field.size - 1u));
-    let texel = index + vec3<f32>(tile_offset(vec3<i32>(index))) + 0.5;
-    return textureSampleLevel(volume, linear_clamp, texel * field.fold.inv_sides, 0.0).x;
-#else
     return textureSampleLevel(volume, linear_clamp, (g - 0.5) * field.inv_size, 0.0).x;
-#endif
 #endif
 }
 

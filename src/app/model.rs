@@ -17,7 +17,7 @@ use crate::files::loading::Loading;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
-use crate::open::{SceneRequest, SceneSettings, VolumeSpec, presets};
+use crate::open::{RunFlags, SceneRequest, SceneSettings, VolumeSpec, presets};
 use crate::scene::AXIS_VIEWS;
 use crate::scene::{Light, Scene};
 use crate::shadow::{METHODS, MethodSpec};
@@ -58,8 +58,8 @@ pub struct Model {
     pub thread: RenderThread,
     /// Callback by which a background thread wakes the viewer window when it has a result.
     pub wake: Wake,
-    /// Full name of the graphics adapter that renders the pictures.
-    pub adapter: String,
+    /// Choice of the graphics adapter that renders the pictures, and the limit on its memory.
+    pub device: RunFlags,
     loss: DeviceLoss,
     /// User settings of the viewer window, saved between sessions.
     pub settings: Settings,
@@ -106,7 +106,7 @@ impl Model {
     /// The system cannot start a thread.
     pub fn new(gpu: Gpu, wake: Wake, settings: Settings) -> Result<Self> {
         Ok(Self {
-            adapter: gpu.info.name.clone(),
+            device: RunFlags::of(&gpu),
             loss: gpu.loss(),
             thread: RenderThread::start(gpu, Arc::clone(&wake))?,
             wake,

@@ -7,7 +7,7 @@ use super::surface::Surface;
 use crate::engine::reading::OpenMode;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Tuning};
-use crate::open::{SceneRequest, SceneSettings};
+use crate::open::{RunFlags, SceneRequest, SceneSettings};
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 pub struct Start {
     /// Scene that the window opens at its start. `None` opens the last scene of the previous session.
     pub scene: Option<SceneSettings>,
-    /// Part of the name of the graphics adapter to use. `None` lets the system choose.
-    pub adapter: Option<String>,
+    /// Choice of the graphics adapter, and the limit on its memory.
+    pub run: RunFlags,
     /// Disables reading and writing of the window's settings file.
     pub clean: bool,
     /// Optional callbacks in every frame of the window, for tests and screenshots.
@@ -57,14 +57,14 @@ const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 /// # Errors
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
 pub fn run(start: Start) -> Result<()> {
-    let Start { scene, adapter, clean, mut hook } = start;
+    let Start { scene, run, clean, mut hook } = start;
     let mut settings = if clean { Settings::default() } else { Settings::read() };
     let scene = scene.or_else(|| last_scene(&settings.last_scene)).unwrap_or_default();
     let (mut scene, mut resume) = (Some(scene), None);
     let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
-        match open(adapter.as_deref(), clean, settings, (scene.take(), resume.take()), hook)? {
+        match open(&run, clean, settings, (scene.take(), resume.take()), hook)? {
             Ended::Closed(outcome) => return outcome,
             Ended::Lost(lost, next_hook) => {
                 losses.retain(|loss| loss.elapsed() < LOSSES_WITHIN);
@@ -81,7 +81,7 @@ pub fn run(start: Start) -> Result<()> {
 
 /// Opens one viewer window with a scene, or with the volume that was open when the graphics device was lost.
 fn open(
-    adapter: Option<&str>,
+    run: &RunFlags,
     clean: bool,
     settings: Settings,
     (scene, resume): (Option<SceneSettings>, Option<Resume>),
@@ -90,7 +90,7 @@ fn open(
     // eframe would report a bad value as a missing display.
     Tuning::CARD.with_environment()?;
     let setup = egui_wgpu::WgpuSetupCreateNew {
-        native_adapter_selector: adapter.map(select_by_name),
+        native_adapter_selector: run.adapter.as_deref().map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),
         ..egui_wgpu::WgpuSetupCreateNew::without_display_handle()
     };
@@ -122,9 +122,11 @@ fn open(
     // If no window opens, the document is still in `resume`.
     let resume = Arc::new(Mutex::new(resume));
     let to_resume = Arc::clone(&resume);
+    let memory_limit = run.memory_limit();
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
         let state = context.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
         let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone())?;
+        let gpu = gpu.with_memory_limit(memory_limit);
         let surface = Surface::of(&gpu);
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
         if let Some(resume) = lock(&to_resume).take() {
@@ -142,7 +144,7 @@ fn open(
     }
     if let Err(e) = ran {
         // The windowing library fails in the same way without a display and without a graphics driver.
-        Gpu::open(adapter)?;
+        run.gpu()?;
         return Err(failed(e.to_string()));
     }
     Ok(std::mem::replace(&mut *lock(&outcome), Ended::Closed(Ok(()))))

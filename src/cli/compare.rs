@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::files::input::is_standard_stream;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
-use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Checked, Effort, file_name_part};
@@ -172,7 +171,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         scenes.iter().try_for_each(|scene| check_page(scene, args.embed_volume))?;
     }
     let (scenes, first) = read_all(scenes, &paths, args.each_light)?;
-    let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
+    let renderer = Arc::new(Renderer::new(RunFlags { adapter: adapter.clone(), ..output.clone() }.gpu()?));
     let records = scenes.iter().map(|scene| scene.record.clone()).collect();
     let facts = Facts::of(renderer.gpu());
     let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);

@@ -10,12 +10,13 @@ use crate::exact::ExactField;
 use crate::files::input::read_text;
 use crate::measure::errors::mean_of_maps;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
-use crate::render::Session;
+use crate::render::{Renderer, Session};
 use crate::shadow::mapped_lights;
 use clap::Args;
 use glam::DVec3;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Print the exact optical depth of segments, a shadow method's transmittance at points, or transmittance curves
 /// along a light ray; or write slices of a shadow map as pictures
@@ -96,8 +97,13 @@ pub fn run(args: ProbeArgs) -> Result<()> {
                 &format_args!("{about} {standard_error:.1e} (root mean square over the points)"),
             );
         }
-        let session = Session::open(run.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
-            .with_strands(strands);
+        let session = Session::on(
+            &Arc::new(Renderer::new(run.gpu()?)),
+            volume,
+            &tf,
+            settings.disabled_optimizations(),
+        )?
+        .with_strands(strands);
         let lights = mapped_lights(method.as_ref(), &scene.under(source.clone())).into_iter();
         let shadows =
             lights.map(|light| session.shadow(method.as_ref(), light)).collect::<Result<Vec<_>>>()?;

@@ -6,7 +6,7 @@ use crate::exact::ExactField;
 use crate::files::output::{check_output, check_output_dir, extension, prepare_output_dir, write_whole};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::open::{Loaded, RunFlags, SceneSettings};
-use crate::render::Session;
+use crate::render::{Renderer, Session};
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_pdf, curve_png, curve_svg};
 use crate::shadow::{CURVES, parse_list};
@@ -40,9 +40,13 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &Cu
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
-    let session =
-        Session::open(run.adapter.as_deref(), Arc::clone(&volume), &tf, settings.disabled_optimizations())?
-            .with_strands(strands);
+    let session = Session::on(
+        &Arc::new(Renderer::new(run.gpu()?)),
+        Arc::clone(&volume),
+        &tf,
+        settings.disabled_optimizations(),
+    )?
+    .with_strands(strands);
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {

@@ -8,7 +8,7 @@ use crate::files::output::check_output;
 use crate::files::picture::{PICTURE_EXTENSIONS, write_picture};
 use crate::measure::map_slices::map_slices;
 use crate::open::{Loaded, RunFlags, SceneSettings};
-use crate::render::Session;
+use crate::render::{Renderer, Session};
 use ndarray::{Array2, Array3};
 use serde::Serialize;
 use std::path::Path;
@@ -42,9 +42,13 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, count: u32, output: &Path) 
     let method = settings.method()?;
     check_output(output, PICTURE_EXTENSIONS)?;
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
-    let session =
-        Session::open(run.adapter.as_deref(), Arc::clone(&volume), &tf, settings.disabled_optimizations())?
-            .with_strands(strands);
+    let session = Session::on(
+        &Arc::new(Renderer::new(run.gpu()?)),
+        Arc::clone(&volume),
+        &tf,
+        settings.disabled_optimizations(),
+    )?
+    .with_strands(strands);
     let shadow = session.shadow(method.as_ref(), scene.light())?;
     let field = ExactField::new(&volume, &tf);
     let mut records = Vec::new();

@@ -6,11 +6,12 @@ use super::render_progress::RenderProgress;
 use crate::engine::{Building, CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
+use crate::field::PageUsage;
 use crate::files::animation::is_animation;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output, check_output_or_stdout, extension_or_first, write_whole};
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, rgb_png, write_picture, write_picture_with};
-use crate::gpu::{Clock, Gpu};
+use crate::gpu::Clock;
 use crate::measure::certified::{self, Certificate, CertifiedPicture, CertifiedScene};
 use crate::measure::mean_error::{MEAN_ERROR_POINTS, MeanError, MeanErrorSample};
 use crate::open::provenance::picture_texts;
@@ -93,7 +94,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if args.certify.is_some() {
         certified::check(&loaded.scene)?;
     }
-    let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
+    let renderer = Arc::new(Renderer::new(run.gpu()?));
     let adapter = renderer.gpu().info.name.clone();
     // A shadow map is reused only if a new one would be identical, so each picture equals one rendered alone.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
@@ -284,8 +285,8 @@ struct Summary {
     adapter: String,
     method: &'static str,
     params: String,
-    volume_tiles: usize,
-    volume_texture: [usize; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pages: Option<PageUsage>,
     table_ms: f64,
     march_table_ms: Option<f64>,
     classify_ms: f64,
@@ -336,8 +337,7 @@ impl Summary {
             adapter: renderer.gpu().info.name.clone(),
             method: method.name(),
             params: method.params(),
-            volume_tiles: loaded.on_device.fold.tiles(),
-            volume_texture: loaded.on_device.fold.sides(),
+            pages: transfer.pages,
             table_ms: transfer.table_ms,
             march_table_ms: transfer.march_table().map(|t| t.table_ms),
             classify_ms: transfer.classify_ms,
@@ -385,12 +385,9 @@ impl Summary {
     fn explain(&self) {
         let print = |line: String| print_message("plan", &line);
         print(format!("adapter {}, times by {}", self.adapter, self.clock));
-        if self.volume_tiles > 1 {
-            let [x, y, z] = self.volume_texture;
-            print(format!(
-                "volume folded: {} slabs of it in a texture of {x} x {y} x {z}",
-                self.volume_tiles
-            ));
+        if let Some(PageUsage { total, needed, pool_bytes, upload_ms }) = self.pages {
+            let mb = pool_bytes as f64 * 1e-6;
+            print(format!("volume as pages: {needed} of {total} in {mb:.0} MB, {upload_ms:.0} ms"));
         }
         let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
         let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());

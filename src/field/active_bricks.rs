@@ -4,7 +4,7 @@
 use super::brick_distances::{Extent, distances_along_row, spread_across_rows};
 use super::brick_runs::{BrickHull, BrickRun, brick_box};
 use crate::transfer::{LabelClass, TransferFunction};
-use crate::volume::{BRICK_CELLS, Bricks, RankSet};
+use crate::volume::{BRICK_CELLS, Bricks, RankSet, Volume};
 use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -170,6 +170,18 @@ impl ActiveBricks {
             runs: OnceLock::new(),
             hull: OnceLock::new(),
         }
+    }
+
+    /// Returns the memory index of a voxel without extinction: one in a brick that is not active, and not because of a clip
+    /// plane. `None` if there is no such brick.
+    pub fn empty_voxel(&self, volume: &Volume, tf: &TransferFunction) -> Option<usize> {
+        let planes = planes_over_bricks(volume.bricks(), tf);
+        let is_empty = |brick: &usize| self.distance[*brick] > 0 && !is_clipped(*brick, self.counts, &planes);
+        let brick = (0..self.distance.len()).find(is_empty)?;
+        let ([bx, by, _], dims) = (self.counts, volume.dims());
+        let at = [brick % bx, brick / bx % by, brick / (bx * by)];
+        let [i, j, k] = std::array::from_fn(|a| (BRICK_CELLS * at[a]).min(dims[a] - 1));
+        Some((k * dims[1] + j) * dims[0] + i)
     }
 
     /// Returns the distance from a brick to the nearest active brick (block of cells with extinction), in bricks;

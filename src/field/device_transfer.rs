@@ -1,14 +1,14 @@
 //! Transfer function of a volume on the graphics device: its lookup tables, the active bricks (blocks of cells with
 //! extinction), and the distance of every brick to them.
 
+use super::device_volume::VolumeTextures;
 use super::field_bindings::FieldBindings;
-use super::fold::FoldUniform;
 use super::gradient_uniform::gradient_uniform;
 use super::merged_function::MergedFunction;
 use super::transfer_textures::{color_integrals, distance_texture, interval_table, no_pairs, row_texture};
 use super::{
-    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, SharedBuffers, grid_from_world,
-    marches_cells,
+    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, PageUsage, SharedBuffers,
+    grid_from_world, marches_cells,
 };
 use crate::error::Result;
 use crate::gpu::{Gpu, Group, ShaderVariant, StorageBuffer, clamp_sampler, table_texture, uniform_buffer};
@@ -43,8 +43,11 @@ struct FieldUniform {
     pub hidden_value: f32,
     pub padding: [f32; 3],
     pub clip: [[f32; 4]; MOST_CLIP_PLANES],
-    // Read by variants for a folded texture alone.
-    pub fold: FoldUniform,
+    // Read by variants for pages alone.
+    pub page_counts: [i32; 3],
+    pub word_sign: f32,
+    pub word_offset: f32,
+    pub padding_of_pages: [f32; 3],
 }
 
 /// Device data that depend on the transfer function. Each edit of the transfer function replaces them; the volume
@@ -73,9 +76,10 @@ pub struct DeviceTransfer {
     /// Renderer optimizations, such as skipping empty bricks, that the user disables with `--no-skip`.
     pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
-    /// Whether the volume texture is folded: the volume is longer than a 3-D texture may be, and is stored as tiles
-    /// side by side.
-    folded: bool,
+    /// Memory of the volume's pages on the device; `None` if the volume is one texture.
+    pub pages: Option<PageUsage>,
+    /// Whether texels of the volume are whole numbers.
+    has_words: bool,
     bindings: FieldBindings,
     /// Bind group 0 of the shaders that do not read the lookup table of transfer-function breakpoints.
     plain_group: Group,
@@ -137,15 +141,19 @@ impl DeviceTransfer {
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
         let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
         let one_color = one_color(&merged.function, disabled);
-        let uniform = field_uniform(loaded, &merged, one_color, &active, disabled);
+        let textures = on_device.textures(gpu, &loaded.volume, (&active, tf))?;
+        let has_words = textures.pages.as_ref().is_some_and(|pages| pages.of_words.is_some());
+        let uniform = field_uniform((loaded, &textures), &merged, one_color, &active, disabled);
         let bindings = FieldBindings {
             field: uniform_buffer(gpu, "field", &uniform),
-            volume: on_device.view.clone(),
+            volume: textures.values.clone(),
+            page_table: textures.pages.as_ref().map(|pages| pages.table.clone()),
+            has_words,
             sampler: clamp_sampler(gpu, filter),
             distances: distance_texture(gpu, &active, disabled),
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(tables)?),
             integrals: color_integrals(gpu, tables, one_color)?,
-            labels: merged.labels(gpu, loaded),
+            labels: merged.labels(gpu, textures.labels.as_ref()),
             gradient: gradient_uniform(gpu, &loaded.volume, tf, on_device.mapping),
             extinction: row_texture(gpu, "extinction integrals", &tables.extinction_bins)?,
         };
@@ -158,7 +166,8 @@ impl DeviceTransfer {
             one_color: one_color.is_some(),
             clips: !tf.clip.is_empty(),
             disabled,
-            folded: on_device.fold.is_folded(),
+            pages: textures.pages.as_ref().map(|pages| pages.usage),
+            has_words,
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
             bindings,
@@ -303,7 +312,7 @@ impl DeviceTransfer {
     }
 
     /// Adds the shader definitions (`#ifdef`) that a transfer function and its volume need: for clip planes,
-    /// segmentation labels, a folded (tiled) volume texture, a gradient opacity, and the search for breakpoints. For a
+    /// segmentation labels, a volume that is stored as pages, a gradient opacity, and the search for breakpoints. For a
     /// shader that marches light rays cell by cell, it also computes the lookup table of transfer-function breakpoints.
     ///
     /// # Errors
@@ -312,7 +321,8 @@ impl DeviceTransfer {
         let needs = [
             (self.clips, "CLIP"),
             (self.has_labels, "LABELS"),
-            (self.folded, "FOLDED"),
+            (self.pages.is_some(), "PAGED"),
+            (self.has_words, "WHOLE_TEXELS"),
             (self.has_gradient_opacity, "GRADIENT_OPACITY"),
         ];
         let variant = variant.defs(needs.into_iter().filter_map(|(needed, name)| needed.then_some(name)));
@@ -331,7 +341,7 @@ fn one_color(tf: &TransferFunction, disabled: DisabledOptimizations) -> Option<[
 }
 
 fn field_uniform(
-    loaded: &LoadedVolume,
+    (loaded, textures): (&LoadedVolume, &VolumeTextures),
     MergedFunction { function, tables, hidden_texel, .. }: &MergedFunction,
     one_color: Option<[f32; 3]>,
     active: &ActiveBricks,
@@ -345,6 +355,8 @@ fn field_uniform(
         false => grid_box.unwrap_or_default(),
     };
     let [color_r, color_g, color_b] = one_color.unwrap_or_default();
+    let pages = textures.pages.as_ref();
+    let [word_sign, word_offset] = pages.and_then(|pages| pages.of_words).unwrap_or_default();
     FieldUniform {
         size: dims.map(|n| n as u32),
         min_spacing_mm: loaded.volume.min_spacing_mm() as f32,
@@ -365,7 +377,10 @@ fn field_uniform(
         hidden_value: *hidden_texel,
         padding: [0.0; 3],
         clip: clip_planes(&loaded.volume, &function.clip),
-        fold: loaded.on_device.fold.uniform(),
+        page_counts: pages.map_or([1; 3], |pages| pages.counts.map(|n| n as i32)),
+        word_sign,
+        word_offset,
+        padding_of_pages: [0.0; 3],
     }
 }
 
@@ -394,11 +409,11 @@ mod tests {
         let shader = field_shader("render/query.wgsl")
             .with_depth_march()
             .modules(&["shadow/rays/lookup.wgsl", "shadow/direct.wgsl"]);
-        let shader = shader.defs(["FOLDED"]);
-        assert_layout!(&shader, "Fold", FoldUniform: period, tiles, placed, stride, margin, inv_sides);
+        let shader = shader.defs(["PAGED", "MANUAL_TRILINEAR"]);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,
             first_value, active_hi, last_value, bin_origin, bins_per_value, table_origin, table_per_value,
-            inv_reference_length, color_r, color_g, color_b, hidden_value, clip, fold);
+            inv_reference_length, color_r, color_g, color_b, hidden_value, clip, page_counts,
+            word_sign, word_offset);
         assert_layout!(&shader, "IntervalTable", IntervalTable: intervals, of_bin);
     }
 }

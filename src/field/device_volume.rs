@@ -1,182 +1,240 @@
-//! Volume texture on the graphics device, which stores integer voxel values without loss.
+//! Voxels of a volume on the graphics device: in one 3-D texture, or as those pages of it that have extinction.
 
-use super::fold::{Fold, FoldSpan};
+use super::ActiveBricks;
+use super::page_pool::{Page, PagePool};
+use super::pages::PageGrid;
+use super::texel_packing::TexelPacking;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, solid_texture, write_texels};
-use crate::transfer::TexelMapping;
-use crate::volume::{Labels, Volume, Voxel, Voxels};
+use crate::transfer::{TexelMapping, TransferFunction};
+use crate::volume::Volume;
 use crate::with_voxels;
-use half::f16;
-use wgpu::TextureFormat;
+use serde::Serialize;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+use wgpu::{ErrorFilter, TextureFormat, TextureView};
 
 const DOWNSAMPLE_HINT: &str = "--downsample=BYTES or --downsample=2x2x1 reduces it by whole factors";
+const WHAT: &str = "cannot render volume";
+/// Share of slots of a pool beyond those needed, for other transfer functions.
+const SPARE_SLOTS: f64 = 0.25;
 
-/// Volume texture on the device, with the linear mapping from its texel values to the volume's values.
+/// Voxels of a volume on the device, with the linear mapping from texel values to the volume's values.
 pub struct DeviceVolume {
-    pub(crate) view: wgpu::TextureView,
-    /// Texture with the segmentation label of each voxel, as an index into the list of labels that occur; `None` for
-    /// a volume without labels.
-    pub(crate) labels: Option<wgpu::TextureView>,
+    storage: Storage,
+    packing: TexelPacking,
     /// Linear mapping from texel values of the volume texture to the volume's values.
     pub mapping: TexelMapping,
-    /// Smallest and largest texel value in the volume texture.
+    /// Smallest and largest texel value of the volume.
     pub texel_range: [f64; 2],
     /// Number of voxels of the volume along each axis.
     pub dims: [usize; 3],
-    /// Placement of the voxels in the volume texture. A volume that is longer than the texture may be is cut into
-    /// tiles side by side (folded).
-    pub fold: Fold,
-    /// Bytes of the volume texture and the label texture.
-    pub bytes: u64,
 }
 
-/// Linear conversion from stored voxel values to texel values of the volume texture: `texel = (stored - center) *
-/// per_stored`.
-struct Packing {
-    format: TextureFormat,
-    center: f64,
-    per_stored: f64,
+enum Storage {
+    Whole(VolumeTextures),
+    /// Pool of the pages that transfer functions have needed so far.
+    Pages(Mutex<Option<Arc<PagePool>>>),
 }
 
-/// Chooses how a volume's values are stored as 16-bit or 32-bit floats.
-///
-/// A 16-bit float is exact for whole numbers from -2048 to 2048: integer volumes whose stored values span at most
-/// 4096 (12-bit CT) are stored as differences from their middle. A 32-bit float is exact for whole numbers up to
-/// 2^24, and so for other 16-bit volumes. Values of 32-bit volumes are scaled by a power of 2 to `[-1, 1]`, without
-/// rounding. Values of 64-bit volumes are scaled to `[0, 1]` and rounded to 24 bits.
-fn packing(volume: &Volume) -> Packing {
-    let [lo, hi] = volume.stored_range();
-    // A negative slope is negated, so that texels always rise with values.
-    let sign = volume.scaling().slope.signum();
-    let single = Packing { format: TextureFormat::R32Float, center: 0.0, per_stored: sign };
-    match volume.voxels() {
-        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) if hi - lo <= 4096.0 => {
-            Packing { format: TextureFormat::R16Float, center: (0.5 * (lo + hi)).floor(), ..single }
-        }
-        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => single,
-        Voxels::F32(_) => {
-            let largest = lo.abs().max(hi.abs());
-            let exponent = if largest > 0.0 { largest.log2().ceil() } else { 0.0 };
-            Packing { per_stored: sign * (-exponent).exp2(), ..single }
-        }
-        Voxels::F64(_) => {
-            let span = if hi > lo { hi - lo } else { 1.0 };
-            Packing { center: lo, per_stored: sign / span, ..single }
-        }
-    }
+/// Textures with the voxels that a transfer function needs.
+#[derive(Clone)]
+pub(super) struct VolumeTextures {
+    pub values: TextureView,
+    /// Segmentation label of each voxel, as an index into the list of labels that occur; `None` for a volume without
+    /// labels.
+    pub labels: Option<TextureView>,
+    pub pages: Option<Pages>,
 }
 
-/// Writes a folded (tiled) volume texture, one slice of a volume tile at a time. `put` appends the texels of one row:
-/// it takes the memory index of the row's first voxel, and the range of that row in the tile.
-fn write_tiles(
-    gpu: &Gpu,
-    texture: &wgpu::Texture,
-    (fold, [nx, ny, _]): (&Fold, [usize; 3]),
-    put: impl Fn(usize, &FoldSpan, &mut Vec<u8>),
-) {
-    let mut slice = Vec::<u8>::new();
-    let mut written = 0;
-    for [x, y, z] in fold.spans() {
-        for (k, layer) in z.voxels_by_texel().zip(z.first_texel..) {
-            slice.clear();
-            y.voxels_by_texel().for_each(|j| put((k * ny + j) * nx, &x, &mut slice));
-            let origin = [x.first_texel, y.first_texel, layer].map(|first| first as u32);
-            let [width, height] = [&x, &y].map(|span| span.texels() as u32);
-            write_texels(gpu, texture, origin, [width, height, 1], &slice);
-            written += 1;
-            // Limits the memory of pending copies.
-            if written % 64 == 0 {
-                gpu.submit([]);
-            }
-        }
-    }
+/// Page table of a volume for a transfer function.
+#[derive(Clone)]
+pub(super) struct Pages {
+    /// Place of each page in the volume texture.
+    pub table: TextureView,
+    /// Number of pages along each axis of the volume.
+    pub counts: [usize; 3],
+    /// Sign and offset of the values of a texture of whole numbers; `None` for one of floats.
+    pub of_words: Option<[f32; 2]>,
+    pub usage: PageUsage,
 }
 
-/// Writes the voxels of a volume into its device texture.
-fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing, fold: &Fold) {
-    let Packing { format, center, per_stored } = *packing;
-    let texel = |stored: f64| ((stored - center) * per_stored) as f32;
-    let dims = volume.dims();
-    with_voxels!(volume.voxels(), a => {
-        let voxels = a.as_slice().unwrap_or_default();
-        write_tiles(gpu, texture, (fold, dims), |first, span, slice| {
-            let stored = along_row(&voxels[first..][..dims[0]], span);
-            let texels = stored.map(|v| texel(v.to_f64()));
-            match format {
-                TextureFormat::R16Float => {
-                    texels.for_each(|t| slice.extend_from_slice(&f16::from_f32(t).to_le_bytes()));
-                }
-                _ => texels.for_each(|t| slice.extend_from_slice(&t.to_le_bytes())),
-            }
-        });
-    });
-}
-
-/// Creates the texture with the segmentation label of each voxel, cut into tiles (folded) like the volume texture. A
-/// label is stored as its index in the list of labels that occur.
-fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
-    let texture = grid_texture(gpu, "labels", TextureFormat::R8Uint, fold);
-    write_tiles(gpu, &texture, (fold, dims), |first, span, slice| {
-        slice.extend(along_row(&labels.ranks()[first..][..dims[0]], span));
-    });
-    texture.create_view(&Default::default())
-}
-
-/// Creates a 3-D texture for the voxels of a volume, which may be cut into tiles side by side (folded).
-fn grid_texture(gpu: &Gpu, label: &str, format: TextureFormat, fold: &Fold) -> wgpu::Texture {
-    solid_texture(gpu, label, format, fold.sides().map(|side| side as u32))
-}
-
-/// Returns the part of a voxel row that lies in a volume tile, in the order of the tile's texels. The border voxels
-/// of the tile are repeated.
-fn along_row<'a, T>(row: &'a [T], span: &FoldSpan) -> impl Iterator<Item = &'a T> {
-    let row = &row[span.voxels.clone()];
-    let margin = |edge: Option<&'a T>| edge.into_iter().cycle().take(span.margin);
-    margin(row.first()).chain(row).chain(margin(row.last()))
+/// Memory of a volume that is stored as pages.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PageUsage {
+    /// Number of pages (cubes of 32 cells a side) of the volume.
+    pub total: usize,
+    /// Number of pages with extinction under the transfer function, or near it. Others are not stored.
+    pub needed: usize,
+    /// Memory of the pool of pages on the device, bytes.
+    pub pool_bytes: u64,
+    /// Host time to find the needed pages and to upload those that were missing, ms.
+    pub upload_ms: f64,
 }
 
 impl DeviceVolume {
-    /// Uploads a volume as a texture to the graphics device.
+    /// Prepares a volume for the graphics device. It is uploaded as one texture if the adapter's 3-D textures and the
+    /// limit on device memory allow; otherwise, transfer functions upload the pages that they need.
     ///
     /// # Errors
-    /// The volume exceeds the adapter's 3-D textures even when folded, or the device is out of memory.
+    /// The volume exceeds what pages can hold, or the device is lost.
     pub fn upload(gpu: &Gpu, volume: &Volume) -> Result<Self> {
         let dims = volume.dims();
+        let packing = TexelPacking::of(volume);
+        let whole = whole_textures(gpu, volume, &packing)?;
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;
-        let fold = Fold::with_bricks(dims, limit).ok_or_else(|| {
+        // The distances of bricks and the page table are whole textures.
+        if whole.is_none() && crate::volume::Bricks::counts_for(dims).iter().any(|n| *n > limit) {
             let [x, y, z] = dims;
             let why = format!(
-                "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}, and folded four times as \
-                 many along an axis"
+                "{x} x {y} x {z} voxels, and the adapter's 3-D textures end at {limit} texels a side"
             );
-            Error::input("cannot render volume", &volume.provenance.source, why).hint(DOWNSAMPLE_HINT)
-        })?;
-        let packing = packing(volume);
-        let Packing { format, center, per_stored } = packing;
-        let scaling = volume.scaling();
-        let mapping = TexelMapping { scale: scaling.slope / per_stored, offset: scaling.apply(center) };
-        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let texture = grid_texture(gpu, "volume", format, &fold);
-        write_voxels(gpu, volume, &texture, &packing, &fold);
-        let labels = volume.labels().map(|labels| label_texture(gpu, labels, &fold, dims));
-        gpu.wait_for(gpu.submit([]))?;
-        let value_bytes = if format == TextureFormat::R16Float { 2 } else { 4 };
-        let texel_bytes = value_bytes + u64::from(labels.is_some());
-        let bytes = fold.sides().iter().product::<usize>() as u64 * texel_bytes;
-        if pollster::block_on(scope.pop()).is_some() {
-            let why = format!("the device has no {bytes} bytes left for it");
-            let source = &volume.provenance.source;
-            return Err(Error::runtime("cannot upload volume", source, why).hint(DOWNSAMPLE_HINT));
+            return Err(Error::input(WHAT, &volume.provenance.source, why).hint(DOWNSAMPLE_HINT));
         }
-        let [a, b] = volume.stored_range().map(|s| (s - center) * per_stored);
-        Ok(Self {
-            view: texture.create_view(&Default::default()),
-            labels,
-            mapping,
-            texel_range: [a.min(b), a.max(b)],
-            dims,
-            fold,
-            bytes,
-        })
+        let (storage, packing) = match whole {
+            Some(textures) => (Storage::Whole(textures), packing),
+            None => (Storage::Pages(Mutex::default()), packing.compact(volume)),
+        };
+        let [a, b] = volume.stored_range().map(|stored| packing.texel(stored));
+        let (mapping, texel_range) = (packing.mapping(volume), [a.min(b), a.max(b)]);
+        Ok(Self { storage, packing, mapping, texel_range, dims })
     }
+
+    /// Returns the textures with all voxels that a transfer function needs. Pages that are missing are uploaded.
+    ///
+    /// # Errors
+    /// The pages exceed the limit on device memory, or the device is out of memory.
+    pub(super) fn textures(
+        &self,
+        gpu: &Gpu,
+        volume: &Volume,
+        (active, tf): (&ActiveBricks, &TransferFunction),
+    ) -> Result<VolumeTextures> {
+        let pool = match &self.storage {
+            Storage::Whole(textures) => return Ok(textures.clone()),
+            Storage::Pages(pool) => pool,
+        };
+        let start = Instant::now();
+        let grid = PageGrid::of(self.dims);
+        let needed = grid.needed(active);
+        let empty = active.empty_voxel(volume, tf).unwrap_or_default();
+        let pages: Vec<Page> = std::iter::once(Page::Constant(empty))
+            .chain(needed.iter().map(|number| Page::Voxels(*number)))
+            .collect();
+        let mut pool = pool.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = pool.clone().and_then(|pool| Some((pool.store(gpu, volume, &pages)?, pool)));
+        let (slots, current) = match known {
+            Some(found) => found,
+            None => self.new_pool(gpu, volume, &pages)?,
+        };
+        *pool = Some(Arc::clone(&current));
+        let stored: Vec<_> = needed.iter().copied().zip(slots[1..].iter().copied()).collect();
+        let table = current.table(gpu, &stored, slots[0]);
+        let (values, labels) = current.views();
+        let usage = PageUsage {
+            total: grid.len(),
+            needed: needed.len(),
+            pool_bytes: current.bytes(),
+            upload_ms: start.elapsed().as_secs_f64() * 1e3,
+        };
+        let of_words = (self.packing.format == TextureFormat::R16Uint).then(|| self.packing.of_words());
+        let pages = Some(Pages { table, counts: grid.counts, of_words, usage });
+        Ok(VolumeTextures { values, labels, pages })
+    }
+
+    /// Creates a pool with room for these pages and some more, and stores them. Returns their slots and the pool.
+    fn new_pool(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<(Vec<usize>, Arc<PagePool>)> {
+        let source = &volume.provenance.source;
+        let page_bytes = PagePool::page_bytes(volume, &self.packing);
+        let needed_bytes = pages.len() as u64 * page_bytes;
+        let most = gpu.memory_limit.map_or(usize::MAX, |limit| (limit / page_bytes) as usize);
+        if pages.len() > most {
+            let limit = gpu.memory_limit.unwrap_or_default();
+            let why = format!("its parts with extinction need {needed_bytes} bytes, and {limit} are allowed");
+            let error = Error::input(WHAT, source, why);
+            return Err(
+                error.hint("--device-memory sets the limit; --downsample and --crop reduce the volume")
+            );
+        }
+        let spare = (pages.len() as f64 * SPARE_SLOTS) as usize;
+        let most_needed = (pages.len() + spare).min(most).min(PageGrid::of(self.dims).len() + 2);
+        let no_room = || {
+            let why = format!("the device has no room for {needed_bytes} bytes of it");
+            Error::runtime(WHAT, source, why).hint(DOWNSAMPLE_HINT)
+        };
+        for slots in [most_needed, pages.len()] {
+            let made = without_errors(gpu, || PagePool::new(gpu, volume, self.packing, slots))?;
+            if let Some(pool) = made.flatten()
+                && let Some(slots) = pool.store(gpu, volume, pages)
+            {
+                gpu.wait_for(gpu.submit([]))?;
+                return Ok((slots, Arc::new(pool)));
+            }
+        }
+        Err(no_room())
+    }
+}
+
+/// Uploads a volume as one texture; `None` if it exceeds the adapter's textures, its memory, or the limit on it.
+///
+/// # Errors
+/// The device is lost.
+fn whole_textures(gpu: &Gpu, volume: &Volume, packing: &TexelPacking) -> Result<Option<VolumeTextures>> {
+    let dims = volume.dims();
+    let limit = gpu.device.limits().max_texture_dimension_3d as usize;
+    let bytes =
+        dims.iter().product::<usize>() as u64 * (packing.bytes() + u64::from(volume.labels().is_some()));
+    if dims.iter().any(|n| *n > limit) || gpu.memory_limit.is_some_and(|most| bytes > most) {
+        return Ok(None);
+    }
+    let sides = dims.map(|n| n as u32);
+    let made = without_errors(gpu, || {
+        let values = solid_texture(gpu, "volume", packing.format, sides);
+        let labels = volume.labels().map(|_| solid_texture(gpu, "labels", TextureFormat::R8Uint, sides));
+        (values, labels)
+    })?;
+    let Some((values, labels)) = made else { return Ok(None) };
+    with_voxels!(volume.voxels(), a => {
+        let slices = a.as_slice().unwrap_or_default().chunks(dims[0] * dims[1]);
+        write_slices(gpu, &values, slices, |slice, bytes| packing.append(slice.iter().copied(), bytes));
+    });
+    if let (Some(texture), Some(labels)) = (&labels, volume.labels()) {
+        let slices = labels.ranks().chunks(dims[0] * dims[1]);
+        write_slices(gpu, texture, slices, |slice, bytes| bytes.extend_from_slice(slice));
+    }
+    gpu.wait_for(gpu.submit([]))?;
+    let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+    Ok(Some(VolumeTextures { values: view(&values), labels: labels.as_ref().map(view), pages: None }))
+}
+
+/// Writes a 3-D texture slice by slice. `append` appends the texels of a slice.
+fn write_slices<'a, T: 'a>(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    slices: impl Iterator<Item = &'a [T]>,
+    append: impl Fn(&'a [T], &mut Vec<u8>),
+) {
+    let mut texels = Vec::<u8>::new();
+    for (k, slice) in slices.enumerate() {
+        texels.clear();
+        append(slice, &mut texels);
+        write_texels(gpu, texture, [0, 0, k as u32], [texture.width(), texture.height(), 1], &texels);
+        // Limits the memory of pending copies.
+        if k % 64 == 63 {
+            gpu.submit([]);
+        }
+    }
+}
+
+/// Returns what `create` creates on the device; `None` if the device reports that it cannot.
+///
+/// # Errors
+/// The device is lost.
+fn without_errors<T>(gpu: &Gpu, create: impl FnOnce() -> T) -> Result<Option<T>> {
+    let filters = [ErrorFilter::OutOfMemory, ErrorFilter::Validation, ErrorFilter::Internal];
+    let scopes = filters.map(|filter| gpu.device.push_error_scope(filter));
+    let made = create();
+    let errors = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).count();
+    gpu.take_error()?;
+    Ok((errors == 0).then_some(made))
 }

@@ -1,6 +1,5 @@
 //! Bind group 0 of all shaders: the volume and its transfer function.
 
-use super::gradient_uniform::GRADIENT_BINDING;
 use crate::gpu::{Gpu, Group, Slot};
 
 /// Resources of bind group 0 (the volume and its transfer function), except the lookup table of transfer-function
@@ -9,6 +8,10 @@ use crate::gpu::{Gpu, Group, Slot};
 pub(super) struct FieldBindings {
     pub field: wgpu::Buffer,
     pub volume: wgpu::TextureView,
+    /// Place of each page of the volume in its texture; `None` for a volume that is one texture.
+    pub page_table: Option<wgpu::TextureView>,
+    /// Whether texels of the volume are whole numbers.
+    pub has_words: bool,
     pub sampler: wgpu::Sampler,
     pub distances: wgpu::TextureView,
     pub intervals: wgpu::Buffer,
@@ -27,7 +30,10 @@ impl FieldBindings {
         let solid = wgpu::TextureViewDimension::D3;
         // Pipelines do not depend on the volume: all formats are bound as the least capable one.
         let filterable = gpu.filters_float32;
-        let values = wgpu::TextureSampleType::Float { filterable };
+        let values = match self.has_words {
+            true => wgpu::TextureSampleType::Uint,
+            false => wgpu::TextureSampleType::Float { filterable },
+        };
         let mut slots = vec![
             Slot::uniform(&self.field),
             Slot::texture(&self.volume, values, solid),
@@ -43,17 +49,21 @@ impl FieldBindings {
             Slot::read_write(gpu.counters.binding()),
             Slot::floats(&self.extinction),
         ];
-        // Without labels, others stand for them: Mesa 22.3's lavapipe reads wild addresses in groups with gaps.
-        let label_slots = match (&self.labels, &self.gradient) {
-            (Some((ranks, shifts)), _) => Some((ranks, shifts)),
-            (None, Some(gradient)) => Some((&self.distances, gradient)),
-            (None, None) => None,
-        };
-        if let Some((ranks, shifts)) = label_slots {
-            slots.extend([Slot::texture(ranks, wgpu::TextureSampleType::Uint, solid), Slot::uniform(shifts)]);
-        }
-        let mut slots: Vec<_> = (0..).zip(slots).collect();
-        slots.extend(self.gradient.iter().map(|gradient| (GRADIENT_BINDING, Slot::uniform(gradient))));
+        // Bindings of labels, gradient opacity and pages. Others stand for those that are missing before one of them: Mesa
+        // 22.3's lavapipe reads wild addresses in groups with gaps.
+        let (ranks, shifts) = self.labels.as_ref().map_or((&self.distances, &self.field), |(r, s)| (r, s));
+        let further = [
+            (self.labels.is_some(), Slot::texture(ranks, wgpu::TextureSampleType::Uint, solid)),
+            (self.labels.is_some(), Slot::uniform(shifts)),
+            (self.gradient.is_some(), Slot::uniform(self.gradient.as_ref().unwrap_or(&self.field))),
+            (self.page_table.is_some(), {
+                let table = self.page_table.as_ref().unwrap_or(&self.distances);
+                Slot::texture(table, wgpu::TextureSampleType::Uint, solid)
+            }),
+        ];
+        let count = further.iter().rposition(|(is_needed, _)| *is_needed).map_or(0, |last| last + 1);
+        slots.extend(further.into_iter().take(count).map(|(_, slot)| slot));
+        let slots: Vec<_> = (0..).zip(slots).collect();
         Group::new(gpu, "field", &slots)
     }
 }

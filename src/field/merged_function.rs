@@ -69,10 +69,14 @@ impl MergedFunction {
         self.shifts.iter().map(shift).collect()
     }
 
-    /// Returns the texture of segmentation labels, and the offset added to the values of each label. `None` if all
+    /// Returns the texture of segmentation labels (`ranks`), and the offset added to the values of each label. `None` if all
     /// labels use one transfer function.
-    pub fn labels(&self, gpu: &Gpu, loaded: &LoadedVolume) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
-        let ranks = loaded.on_device.labels.as_ref().filter(|_| !self.shifts.is_empty())?;
+    pub fn labels(
+        &self,
+        gpu: &Gpu,
+        ranks: Option<&wgpu::TextureView>,
+    ) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
+        let ranks = ranks.filter(|_| !self.shifts.is_empty())?;
         let mut shifts = [0.0; MAX_LABELS];
         shifts[..self.shifts.len()].copy_from_slice(&self.shifts);
         Some((ranks.clone(), uniform_buffer(gpu, "label shifts", &shifts)))

@@ -5,6 +5,7 @@ use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::gradient_uniform::{GRADIENT_BINDING, GRADIENT_VECTORS};
 use super::light_space::Projection;
 use super::march::{GAUSS, MOST_PIECES, March, PARTS_OF_SUM, ROOT_TOLERANCE, SHORT_PIECE, UNEVEN_DEPTH};
+use super::pages::{PAGE_CELLS, PAGE_VOXELS};
 use crate::gpu::{Constant, MAX_BLOCKS, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{
     MAX_INTERVALS, MAX_OPACITY, MORE_NODES, MOST_CLIP_PLANES, PAIR_BINS, TABLE_BINS, VALUE_BINS,
@@ -40,6 +41,8 @@ const CONSTANTS: &[Constant] = &[
     Constant::float("SHORT_PIECE", SHORT_PIECE as f32),
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
+    Constant::unsigned("PAGE_SHIFT", PAGE_CELLS.ilog2()),
+    Constant::signed("PAGE_VOXELS", PAGE_VOXELS as i32),
     Constant::float("FAR", FAR),
     Constant::float("HIDDEN_SHIFT", HIDDEN_SHIFT),
     Constant::unsigned("LABEL_VECTORS", MAX_LABELS as u32 / 4),

@@ -21,6 +21,8 @@ pub struct Gpu {
     pub info: wgpu::AdapterInfo,
     /// Choices of shader variants and of work order that suit the type of the adapter.
     pub tuning: Tuning,
+    /// Limit on the memory for the voxels of a volume, bytes; `None`: what the device has.
+    pub memory_limit: Option<u64>,
     /// Whether the adapter can filter textures of 32-bit floats.
     pub filters_float32: bool,
     /// Nanoseconds per tick of the device timestamps; `None` for a software adapter or one without timestamps.
@@ -129,12 +131,20 @@ impl Gpu {
             queue,
             info,
             tuning,
+            memory_limit: None,
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             sharing,
             traffic: Traffic::default(),
             lost,
         })
+    }
+
+    /// Limits the memory for the voxels of a volume, bytes. A larger volume is stored as pages
+    /// ([`crate::field::DeviceVolume`]).
+    #[must_use]
+    pub fn with_memory_limit(self, memory_limit: Option<u64>) -> Self {
+        Self { memory_limit, ..self }
     }
 
     /// Whether the graphics adapter is a software adapter, which runs on the processor.

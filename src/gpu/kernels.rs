@@ -121,7 +121,8 @@ impl Kernels {
 
     /// Returns a shader variant with the definitions that suit this device.
     fn adapted(&self, variant: &ShaderVariant) -> ShaderVariant {
-        let manual = (!self.gpu.filters_float32).then_some("MANUAL_TRILINEAR");
+        let manual =
+            (!self.gpu.filters_float32 || variant.defs.contains(&"PAGED")).then_some("MANUAL_TRILINEAR");
         let counting = self.counting.load(Ordering::Relaxed).then_some("COUNT_WORK");
         variant.clone().defs(manual).defs(counting)
     }

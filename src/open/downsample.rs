@@ -2,7 +2,7 @@
 //! textures.
 
 use crate::error::{Error, Result};
-use crate::field::Fold;
+use crate::field::holds_volume;
 use crate::files::loading::{Loading, Reduced};
 use crate::files::memory_budget::{MemoryBudget, free_bytes};
 use crate::gpu::texture_side;
@@ -22,7 +22,7 @@ pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
         most_bytes: u64::MAX,
         bytes_beside: 0,
         texture_side: usize::MAX,
-        fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
+        fits_texture: holds_volume,
     };
     match fit {
         Downsample::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },

@@ -4,6 +4,8 @@ use super::SceneSettings;
 use super::layer::{Layer, layer};
 use crate::error::{Error, Result};
 use crate::files::input::is_standard_stream;
+use crate::gpu::Gpu;
+use crate::volume::ByteCount;
 use clap::Args;
 use serde::Serialize;
 use std::ops::Not;
@@ -24,7 +26,31 @@ pub struct RunFlags {
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Device memory for voxels: parts of a larger volume are left out where empty [default: no limit]
+    #[arg(long, value_name = "BYTES")]
+    pub device_memory: Option<ByteCount>,
 }
+}
+
+impl RunFlags {
+    /// Opens the graphics adapter.
+    ///
+    /// # Errors
+    /// See [`Gpu::open`].
+    pub fn gpu(&self) -> Result<Gpu> {
+        Ok(Gpu::open(self.adapter.as_deref())?.with_memory_limit(self.memory_limit()))
+    }
+
+    /// Returns the choice of an open graphics device.
+    pub fn of(gpu: &Gpu) -> Self {
+        let device_memory = gpu.memory_limit.map(ByteCount);
+        Self { adapter: Some(gpu.info.name.clone()), device_memory, ..Self::default() }
+    }
+
+    /// Limit on the memory for voxels on the device, bytes.
+    pub fn memory_limit(&self) -> Option<u64> {
+        self.device_memory.map(|limit| limit.0)
+    }
 }
 
 layer! {

@@ -1,6 +1,6 @@
 //! Downsamples a volume to means of voxel blocks, by integer factors along each axis.
 
-use super::{Volume, Voxel, Voxels};
+use super::{ByteCount, Volume, Voxel, Voxels};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::files::memory_budget::reduced_dims;
@@ -33,25 +33,8 @@ impl FromStr for Downsample {
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        const UNITS: [(&str, u64); 7] = [
-            ("KiB", 1 << 10),
-            ("MiB", 1 << 20),
-            ("GiB", 1 << 30),
-            ("kB", 1000),
-            ("MB", 1_000_000),
-            ("GB", 1_000_000_000),
-            ("B", 1),
-        ];
-        if let Some((number, unit)) =
-            UNITS.iter().find_map(|(name, size)| Some((text.strip_suffix(name)?, *size)))
-        {
-            let number: f64 = number.trim().parse().map_err(|_| refuse())?;
-            let bytes = (number * unit as f64).floor();
-            return if (1.0..2f64.powi(53)).contains(&bytes) {
-                Ok(Self::Bytes(bytes as u64))
-            } else {
-                Err(refuse())
-            };
+        if let Ok(ByteCount(bytes)) = text.parse() {
+            return Ok(Self::Bytes(bytes));
         }
         let factors: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
         let factors: Option<[usize; 3]> = factors.and_then(|list| list.try_into().ok());

@@ -4,6 +4,7 @@
 //! edge. Its domain is `[-0.5, n - 0.5]^3` in index space; outside the extinction is zero.
 
 mod bricks;
+mod byte_count;
 mod crop;
 mod directions;
 mod downsample;
@@ -16,6 +17,7 @@ mod segmentation;
 mod voxels;
 
 pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
+pub use byte_count::ByteCount;
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use downsample::Downsample;

@@ -79,8 +79,10 @@ fn variants() -> Vec<(ShaderVariant, Tuning)> {
             let functions = [&[][..], &["GRADIENT_OPACITY"]];
             for defs in adapters.iter().flat_map(|adapter| functions.map(|of| [*adapter, of].concat())) {
                 let variant = variant.clone().defs([more.to_vec(), defs].concat());
-                // Folding a texture does not change what is bound.
-                list.push((variant.clone().defs(["FOLDED"]), Tuning::SOFTWARE));
+                let paged = variant.clone().defs(["PAGED", "MANUAL_TRILINEAR"]);
+                list.push((paged.clone(), Tuning::SOFTWARE));
+                // Whole numbers change the type of the volume texture.
+                list.push((paged.defs(["WHOLE_TEXELS"]), Tuning::SOFTWARE));
                 list.extend(TUNINGS.map(|tuning| (variant.clone(), tuning)));
             }
         }
@@ -239,7 +241,7 @@ fn combined_requests_are_composed_together() {
         assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "RESUMABLE"], tuning));
         assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], tuning));
     }
-    assert!(has(&["FOLDED", "MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS"], Tuning::SOFTWARE));
+    assert!(has(&["PAGED", "WHOLE_TEXELS", "MANY_BREAKPOINTS", "SPLIT_ROWS"], Tuning::SOFTWARE));
 }
 
 #[test]

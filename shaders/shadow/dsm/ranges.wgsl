@@ -1,7 +1,7 @@
 // Ranges of the volume value and of extinction over boxes in grid space.
 #define_import_path umbravox::ranges
 
-#import umbravox::field::{field, volume, voxel_texel, FAR}
+#import umbravox::field::{field, texel_value, voxel_texel, FAR}
 #import umbravox::transfer::{interval_at, interval_start, extinction_in}
 #import umbravox::work::{count_work, LOADS}
 
@@ -48,7 +48,7 @@ fn voxel_box(lo: vec3<f32>, hi: vec3<f32>) -> VoxelBox {
 }
 
 fn voxel_value(voxel: vec3<i32>) -> f32 {
-    return textureLoad(volume, voxel_texel(min(voxel, vec3<i32>(field.size) - 1)), 0).x;
+    return texel_value(voxel_texel(min(voxel, vec3<i32>(field.size) - 1)));
 }
 
 // Returns the range of values on a row of voxels along x. Values are linear on each segment, so that the ends of its

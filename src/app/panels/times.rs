@@ -109,6 +109,6 @@ impl Times {
                 milliseconds(frame.main.frame_ms)
             ));
         }
-        ui.weak(&model.adapter).on_hover_text("Graphics adapter");
+        ui.weak(model.device.adapter.as_deref().unwrap_or_default()).on_hover_text("Graphics adapter");
     }
 }

@@ -93,7 +93,7 @@ impl Comparison {
                 masking: document.part_flags(),
                 ..SceneSettings::of_scene(&document.spec, &scene, document.transparent)
             },
-            adapter: model.adapter.clone(),
+            device: model.device.clone(),
             subject: Subject {
                 volume: Arc::clone(&document.volume),
                 strands: document.strands.clone(),

@@ -4,13 +4,12 @@ use crate::engine::task::{Task, Wake};
 use crate::error::Result;
 use crate::files::hash::sha256;
 use crate::files::output::prepare_output_dir;
-use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
 use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
-use crate::open::SceneSettings;
+use crate::open::{RunFlags, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Order, Subject, make, scene_name};
@@ -29,8 +28,8 @@ const TRANSFER_FUNCTION: &str = "transfer_function.json";
 
 /// Inputs of a comparison of shadow methods, copied when the comparison starts.
 pub struct TableRequest {
-    /// Full name of the graphics adapter on which the shadow methods are compared.
-    pub adapter: String,
+    /// Choice of the graphics adapter on which the shadow methods are compared, and the limit on its memory.
+    pub device: RunFlags,
     /// Volume, transfer function and scene on which the shadow methods are compared. The scene has the picture size
     /// entered in the comparison form.
     pub subject: Subject,
@@ -105,9 +104,9 @@ impl Watch for Watcher {
 }
 
 fn run(request: TableRequest, watcher: Watcher) -> Result<FinishedTable> {
-    let TableRequest { adapter, subject, mut settings, methods, effort, folder, resume } = request;
+    let TableRequest { device, subject, mut settings, methods, effort, folder, resume } = request;
     let Subject { volume, tf, scene, .. } = &subject;
-    let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
+    let renderer = Arc::new(Renderer::new(device.gpu()?));
     prepare_output_dir(&folder)?;
     let (start, tf_text) = (if resume { Start::Resume } else { Start::Overwrite }, tf.to_json());
     let facts = Facts::of(renderer.gpu());

@@ -1,0 +1,217 @@
+//! Volumes that are stored as pages: pictures, shadows and nodes are those of a whole texture, to the last bit.
+
+use crate::{extinction, renderer, volume_of};
+use glam::{DAffine3, DMat3, DVec3};
+use ndarray::Array3;
+use std::sync::{Arc, OnceLock};
+use umbravox::gpu::Gpu;
+use umbravox::render::{DisabledOptimizations, Renderer, Session};
+use umbravox::scene::{Scene, Shading};
+use umbravox::shadow;
+use umbravox::transfer::{LabelRule, LabelVisibility, TransferFunction};
+use umbravox::volume::{Labels, Volume, Voxels};
+
+/// Largest side of the small device's 3-D textures, texels: four pages.
+const LIMIT: u32 = 150;
+
+/// Two devices whose shaders interpolate with float32 weights, the second with small textures.
+fn devices() -> Option<&'static [Arc<Renderer>; 2]> {
+    static DEVICES: OnceLock<[Arc<Renderer>; 2]> = OnceLock::new();
+    let renderer = renderer()?;
+    Some(
+        DEVICES
+            .get_or_init(|| [u32::MAX, LIMIT].map(|limit| Arc::new(Renderer::new(device(renderer, limit))))),
+    )
+}
+
+fn device(renderer: &Renderer, limit: u32) -> Gpu {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let same = |a: &wgpu::Adapter| a.get_info().name == renderer.gpu().info.name;
+    let adapter = adapters.into_iter().find(same).expect("the adapter is still there");
+    let mut descriptor = Gpu::device_descriptor(&adapter);
+    descriptor.required_features.remove(wgpu::Features::FLOAT32_FILTERABLE);
+    let limits = &mut descriptor.required_limits;
+    limits.max_texture_dimension_3d = limits.max_texture_dimension_3d.min(limit);
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    Gpu::from_parts(&adapter, device, queue).unwrap()
+}
+
+/// Value types of a volume, which pages store in different formats.
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Narrow,
+    Signed,
+    Unsigned,
+    Float,
+}
+
+/// Volume of waves with noise, on an oblique grid, with extinction above 150. Wide integers have 16 times the values.
+fn waves([nx, ny, nz]: [usize; 3], kind: Kind) -> Arc<Volume> {
+    let value = |(k, j, i): (usize, usize, usize)| {
+        let wave =
+            (0.31 * i as f32).sin() + (0.23 * j as f32 + 0.11 * k as f32).cos() + (0.17 * k as f32).sin();
+        (300.0 * wave).round() + ((i * 7 + j * 13 + k * 29) % 17) as f32
+    };
+    let values = Array3::from_shape_fn((nz, ny, nx), value);
+    let (voxels, slope, intercept): (Voxels, _, _) = match kind {
+        Kind::Narrow => (values.mapv(|v| v as i16).into(), 1.0, 0.0),
+        Kind::Signed => (values.mapv(|v| 16 * v as i16).into(), -0.0625, 0.0),
+        Kind::Unsigned => (values.mapv(|v| (16.0 * v + 30_000.0) as u16).into(), 0.0625, -1875.0),
+        Kind::Float => (values.into(), 1.0, 0.0),
+    };
+    let axes = DMat3::from_rotation_x(0.2) * DMat3::from_diagonal(DVec3::new(1.0, 0.9, 0.8));
+    let mut volume = volume_of(voxels, DAffine3::from_mat3_translation(axes, DVec3::new(3.0, -8.0, 5.0)));
+    if slope != 1.0 {
+        let scaling = umbravox::volume::Scaling { slope, intercept };
+        let (affine, provenance) = (volume.world_from_index(), volume.provenance.clone());
+        volume = Volume::new(volume.voxels().clone(), scaling, affine, provenance).unwrap();
+    }
+    Arc::new(volume)
+}
+
+fn sessions(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<[Session; 2]> {
+    let on = |renderer| Session::on(renderer, Arc::clone(volume), tf, DisabledOptimizations::NONE).unwrap();
+    let both = devices()?.each_ref().map(on);
+    assert!(both[0].transfer.pages.is_none() && both[1].transfer.pages.is_some());
+    Some(both)
+}
+
+fn shell() -> TransferFunction {
+    extinction(&[(150.0, 0.0), (500.0, 0.12)])
+}
+
+/// Points spread over the whole volume.
+fn points(volume: &Volume) -> Vec<DVec3> {
+    let dims = DVec3::from_array(volume.dims().map(|n| n as f64));
+    let share = |i: usize| DVec3::new(0.618_034, 0.754_878, 0.569_84) * i as f64 % 1.0;
+    (0..2000).map(|i| volume.world_from_index().transform_point3(share(i) * dims - 0.5)).collect()
+}
+
+/// Compares answers and pictures of methods to the last bit.
+fn assert_same(volume: &Volume, both: &[Session; 2], scene: &Scene, methods: &[&str]) {
+    let points = points(volume);
+    for name in methods {
+        let method = shadow::parse(name).unwrap();
+        let [a, b] = both.each_ref().map(|session| {
+            let map = session.shadow(method.as_ref(), scene.light()).unwrap();
+            let nodes = map.report.nodes_total;
+            (session.query(&map, &points).unwrap(), session.render(&map, scene).unwrap().pixels, nodes)
+        });
+        assert!(a.1.iter().any(|c| *c > 0.05), "{name}: nothing is seen");
+        assert!(a.0 == b.0, "{name}: answers differ");
+        assert!(a.1 == b.1, "{name}: pictures differ");
+        assert_eq!(a.2, b.2, "{name}: nodes");
+    }
+}
+
+#[test]
+fn pages_are_the_volume_to_the_last_bit() {
+    for (dims, kind) in [
+        ([20, 30, 170], Kind::Narrow),
+        ([170, 20, 14], Kind::Signed),
+        ([9, 200, 40], Kind::Unsigned),
+        ([160, 40, 9], Kind::Float),
+    ] {
+        let volume = waves(dims, kind);
+        let Some(both) = sessions(&volume, &shell()) else { return };
+        let scene = Scene { width: 96, height: 80, shading: Shading::Lambert, ..Scene::framing(&volume) };
+        println!("{dims:?} {kind:?}: {:?}", both[1].transfer.pages);
+        assert_same(&volume, &both, &scene, &["none", "rays", "dsm", "dsm:march=samples"]);
+    }
+}
+
+#[test]
+fn all_methods_read_pages() {
+    let volume = waves([40, 30, 170], Kind::Unsigned);
+    let Some(both) = sessions(&volume, &shell()) else { return };
+    let scene = Scene { width: 48, height: 40, ..Scene::framing(&volume) };
+    let methods = [
+        "dsm:enclose=on",
+        "osm",
+        "dom:layers=4",
+        "bom:march=samples",
+        "lightvolume:scale=4",
+        "lightvolume:scale=4,build=sweep",
+        "avsm",
+        "moments",
+        "fourier",
+        "clusters",
+        "wavelet",
+        "beer",
+        "sat:scale=4",
+    ];
+    assert_same(&volume, &both, &scene, &methods);
+}
+
+#[test]
+fn labels_clip_planes_and_gradient_opacity_read_pages() {
+    let plain = waves([20, 18, 170], Kind::Narrow);
+    let label = |(k, j, i): (usize, usize, usize)| ((i / 5 + j / 7 + k / 9) % 3) as u8;
+    let labels = Array3::from_shape_fn((170, 18, 20), label);
+    let labels = Labels::sampled(&volume_of(labels.into(), plain.world_from_index()), &plain).unwrap();
+    let labelled = Arc::new(Volume::clone(&plain).labelled(Arc::new(labels)).unwrap());
+    let other = extinction(&[(-100.0, 0.0), (300.0, 0.05)]);
+    let rules = vec![
+        LabelRule { labels: vec![1], visibility: LabelVisibility::Hidden },
+        LabelRule { labels: vec![2], visibility: LabelVisibility::Visible(Box::new(other)) },
+    ];
+    let clip = vec!["0.2,0.1,1,20".parse().unwrap()];
+    let with_labels = TransferFunction { rules, clip, ..shell() };
+    let gradient_opacity = "20:0,60:1".parse().unwrap();
+    let with_gradient = TransferFunction { gradient_opacity: Some(gradient_opacity), ..shell() };
+    for (volume, tf) in [(&labelled, with_labels), (&plain, with_gradient)] {
+        let Some(both) = sessions(volume, &tf) else { return };
+        let scene = Scene { width: 64, height: 48, ..Scene::framing(volume) };
+        assert_same(volume, &both, &scene, &["rays", "dsm:map=64"]);
+    }
+}
+
+/// Volume of small blobs of different values. A limit on memory leaves room for the pages of one of them at a time.
+fn blobs() -> Arc<Volume> {
+    let centres = [[16.0, 16.0, 16.0], [80.0, 80.0, 80.0], [100.0, 20.0, 60.0]];
+    let value = |(k, j, i): (usize, usize, usize)| {
+        let p = DVec3::new(i as f64, j as f64, k as f64);
+        let of = |(n, c): (usize, &[f64; 3])| {
+            (100.0 * (n + 1) as f64) * f64::from(u8::from(p.distance(DVec3::from_array(*c)) < 6.0))
+        };
+        centres.iter().enumerate().map(of).sum::<f64>() as f32
+    };
+    Arc::new(volume_of(Array3::from_shape_fn((120, 120, 120), value).into(), DAffine3::IDENTITY))
+}
+
+#[test]
+fn transfer_functions_upload_the_pages_that_they_need() {
+    let Some([whole, _]) = devices() else { return };
+    let volume = blobs();
+    let page_bytes = 33_u64.pow(3) * 4;
+    let limited = Arc::new(Renderer::new(device(whole, u32::MAX).with_memory_limit(Some(20 * page_bytes))));
+    let tf = |value: f64| {
+        extinction(&[(value - 60.0, 0.0), (value - 30.0, 0.3), (value + 30.0, 0.3), (value + 60.0, 0.0)])
+    };
+    let scene = Scene { width: 64, height: 48, ..Scene::framing(&volume) };
+    let picture = |session: &Session| {
+        let map = session.shadow(shadow::parse("dsm:map=64").unwrap().as_ref(), scene.light()).unwrap();
+        session.render(&map, &scene).unwrap().pixels
+    };
+    let on = |renderer, tf: TransferFunction| {
+        Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)
+    };
+    let mut session = on(&limited, tf(300.0)).unwrap();
+    let first = session.transfer.pages.unwrap();
+    assert!(first.total == 64 && (1..=8).contains(&first.needed), "{first:?}");
+    assert!(first.pool_bytes <= 20 * page_bytes, "{first:?}");
+    let before = picture(&session);
+    // Later functions need other pages; the former one stays valid.
+    for value in [200.0, 100.0, 300.0] {
+        let transfer = session.fresh_transfer(&tf(value)).unwrap();
+        let former = std::mem::replace(&mut session.transfer, transfer);
+        assert_eq!(picture(&session), picture(&on(whole, tf(value)).unwrap()), "{value}");
+        let now = std::mem::replace(&mut session.transfer, former);
+        picture(&session);
+        session.transfer = now;
+    }
+    assert_eq!(picture(&session), before);
+    let refused = on(&limited, extinction(&[(-1.0, 0.1), (400.0, 0.1)])).err().unwrap();
+    assert!(refused.why.contains("bytes") && refused.exit_status() == 2, "{refused}");
+}
