@@ -40,8 +40,8 @@ pub struct Answer {
     /// methods beside such programs.
     #[serde(default)]
     pub image_rmse: Option<f64>,
-    /// Number of settings that the searches for all budgets of this method tried in the cell; 0 where the settings are
-    /// those of another view.
+    /// Number of settings that the searches for all budgets of this method tried in the cell; 0 where the settings of
+    /// another view were taken as they are.
     pub trials: usize,
     /// Whether the search ended because no step lowered the error, and not after its largest number of trials.
     #[serde(default)]
@@ -133,8 +133,9 @@ impl CellResult {
         self.answers.iter().find(|answer| answer.method == method && answer.budget == budget)
     }
 
-    /// Whether there is an answer of a method within each budget.
+    /// Whether there is an answer of a method within each budget, and none failed.
     pub fn has(&self, method: &str, budgets: &[Budget]) -> bool {
-        budgets.iter().all(|budget| self.answer(method, budget).is_some())
+        let is_known = |answer: &Answer| !answer.settings.is_empty() || answer.note.is_empty();
+        budgets.iter().all(|budget| self.answer(method, budget).is_some_and(is_known))
     }
 }

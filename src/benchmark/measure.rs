@@ -112,13 +112,19 @@ impl<'a> CellJob<'a> {
             Source::Known(other) => {
                 let is_same = other.cell == self.job.scene_name;
                 let known = budgets.iter().filter_map(|b| Some((*b, other.answer(entry.name, b)?)));
-                known.map(|(budget, known)| self.measure_again(budget, known, is_same)).collect()
+                known.map(|(budget, known)| self.measure_again(entry, budget, (known, is_same))).collect()
             }
         }
     }
 
-    /// Measures a method with known settings, found in the same cell or in another view.
-    fn measure_again(&self, budget: Budget, known: &Answer, is_same: bool) -> Result<(Answer, Errors)> {
+    /// Measures a method with known settings, found in the same cell or in another view. Where a map needs more memory than
+    /// there, its size is lowered until it is within the budget.
+    fn measure_again(
+        &self,
+        entry: &'static Entry,
+        budget: Budget,
+        (known, is_same): (&Answer, bool),
+    ) -> Result<(Answer, Errors)> {
         let mut answer =
             Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() };
         if is_same {
@@ -127,7 +133,21 @@ impl<'a> CellJob<'a> {
         let Some(method) = known.own_method()? else { return Ok((answer, Errors::new())) };
         let method = (method.as_ref(), known.light_samples);
         let errors = self.measure(method, Some(budget), self.with_pictures, &mut answer)?;
-        Ok((answer, errors))
+        let exceeds = matches!(budget, Budget::Bytes(most) if answer.bytes.is_some_and(|bytes| bytes > most));
+        if !exceeds {
+            return Ok((answer, errors));
+        }
+        let source = self.job.scene.lights.first().cloned().unwrap_or_default();
+        let none = || {
+            Ok((
+                Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() },
+                Errors::new(),
+            ))
+        };
+        let Some(settings) = Settings::of(entry, &source) else { return none() };
+        let starts = settings.places_of(std::iter::once(known))?;
+        let lowered = self.search_kind((&settings, entry), &[budget], &starts, 0)?;
+        lowered.into_iter().next().map_or_else(none, Ok)
     }
 
     /// Searches the best settings of a method within each budget, smaller budgets first. `first` is the result of the first
@@ -150,18 +170,20 @@ impl<'a> CellJob<'a> {
                 |a: &&Answer| a.method == entry.name && own.iter().any(|b| b.to_string() == a.budget);
             let known = known.filter(is_known).filter(|a| !a.settings.is_empty());
             let starts = settings.places_of(known)?;
-            found.extend(self.search_kind((&settings, entry), &own, &starts, first.is_some())?);
+            let trials = if first.is_some() { NEARBY_TRIALS } else { FULL_TRIALS };
+            found.extend(self.search_kind((&settings, entry), &own, &starts, trials)?);
         }
         Ok(found)
     }
 
-    /// Searches the best settings of one method within budgets of one kind.
+    /// Searches the best settings of one method within budgets of one kind, with up to `trials` new trials a budget for each
+    /// setting beside `starts`.
     fn search_kind(
         &self,
         (settings, entry): (&Settings, &'static Entry),
         budgets: &[Budget],
         starts: &[Vec<usize>],
-        is_nearby: bool,
+        trials: usize,
     ) -> Result<Vec<(Answer, Errors)>> {
         let mut note = String::new();
         let attempt = |place: &[usize]| {
@@ -176,7 +198,7 @@ impl<'a> CellJob<'a> {
             })
         };
         let sides = settings.sides();
-        let most_trials = sides.len() * if is_nearby { NEARBY_TRIALS } else { FULL_TRIALS };
+        let most_trials = sides.len() * trials;
         let mut search =
             Search::new(sides, |place| settings.canonical(place), attempt).limited_to(most_trials);
         for (budget, place) in
@@ -185,21 +207,21 @@ impl<'a> CellJob<'a> {
             search.start_from(*budget, place)?;
         }
         let mut converged = Vec::new();
-        for budget in budgets {
+        for budget in budgets.iter().filter(|_| trials > 0) {
             converged.push(search.look(*budget, By::Points, &settings.default_place())?);
         }
         let best: Vec<_> = budgets.iter().map(|budget| search.best_known(*budget, By::Points)).collect();
-        let trials = search.tried.len();
+        let tried = search.tried.len();
         drop(search);
         let mut answers = Vec::new();
-        for ((budget, place), converged) in budgets.iter().zip(best).zip(converged) {
+        for (i, (budget, place)) in budgets.iter().zip(best).enumerate() {
             let (text, method) = (budget.to_string(), entry.name.to_owned());
-            let mut answer = Answer { budget: text, method, trials, ..Answer::default() };
+            let mut answer = Answer { budget: text, method, trials: tried, ..Answer::default() };
             let mut errors = Errors::new();
             match place {
                 Some(place) => {
                     let (method, samples) = settings.method(&place).ok_or_else(|| no_method(entry))?;
-                    answer.converged = Some(converged);
+                    answer.converged = converged.get(i).copied();
                     let method = (method.as_ref(), samples);
                     errors = self.measure(method, Some(*budget), self.with_pictures, &mut answer)?;
                 }

@@ -110,8 +110,9 @@ impl Run<'_> {
         while let Some(cell) = next {
             needed.insert(0, cell);
             next = cell.source(all).cell().copied().filter(|_| !self.methods.is_empty());
+            let is_recorded = self.recorded(cell)?.is_some_and(|result| self.has_all(&result));
             if let Some(other) = next
-                && self.known(other, folder)?.is_some()
+                && (is_recorded || self.known(other, folder)?.is_some())
             {
                 next = None;
             }
@@ -124,15 +125,19 @@ impl Run<'_> {
         if self.methods.is_empty() {
             return Ok(Source::Full);
         }
-        let missing = |other: &Cell| Error::runtime("cannot use benchmark cell", &other.name, "no result");
-        cell.source(all).try_map(|other| self.known(other, folder)?.ok_or_else(|| missing(other)))
+        // Without it, all methods have settings of their own in the earlier run.
+        cell.source(all).try_map(|other| Ok(self.known(other, folder)?.unwrap_or_default()))
     }
 
     /// Returns the known result of a cell: that of this run, else that of the earlier one if it has all methods.
     fn known(&self, cell: &Cell, folder: &Folder) -> Result<Option<CellResult>> {
         let own = folder.result(cell)?;
-        let has_all = |result: &CellResult| self.methods.iter().all(|m| result.has(m.name, self.budgets));
-        Ok(if own.is_some() { own } else { self.recorded(cell)?.filter(has_all) })
+        Ok(if own.is_some() { own } else { self.recorded(cell)?.filter(|result| self.has_all(result)) })
+    }
+
+    /// Whether a result has an answer of all methods within all budgets.
+    fn has_all(&self, result: &CellResult) -> bool {
+        self.methods.iter().all(|method| result.has(method.name, self.budgets))
     }
 
     /// Returns the result of a cell in the earlier run.

@@ -161,7 +161,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     };
     let paths = args.scene.scene.clone();
     let requests = args.scene.into_requests()?;
-    let adapter = one_adapter(&requests)?;
+    let device = one_device(&requests)?;
     let output = requests.iter().fold(RunFlags::default(), |all, request| request.run.over(&all));
     let scenes: Vec<_> = requests.into_iter().map(|request| request.settings).collect();
     if scenes.iter().any(|s| s.shadow.is_some()) {
@@ -171,7 +171,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         scenes.iter().try_for_each(|scene| check_page(scene, args.embed_volume))?;
     }
     let (scenes, first) = read_all(scenes, &paths, args.each_light)?;
-    let renderer = Arc::new(Renderer::new(RunFlags { adapter: adapter.clone(), ..output.clone() }.gpu()?));
+    let renderer = Arc::new(Renderer::new(device.gpu()?));
     let records = scenes.iter().map(|scene| scene.record.clone()).collect();
     let facts = Facts::of(renderer.gpu());
     let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);
@@ -203,8 +203,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
     drop((journal, renderer));
     let rows = publish(made, &output, &args.output, &layout)?;
-    let pages =
-        if args.page { write_pages(&run, &scenes, &rows, adapter.as_deref(), &args.output) } else { Ok(()) };
+    let pages = if args.page { write_pages(&run, &scenes, &rows, &device, &args.output) } else { Ok(()) };
     verdict(&rows, &args.output).and(pages)
 }
 
@@ -214,7 +213,7 @@ fn write_pages(
     run: &Run,
     scenes: &[RecordedScene],
     rows: &[Row],
-    adapter: Option<&str>,
+    device: &RunFlags,
     folder: &Path,
 ) -> Result<()> {
     let mut failure = Ok(());
@@ -232,7 +231,7 @@ fn write_pages(
         }
         let path = folder.join(run.page_name(i));
         let page = scene.settings.load(&Loading::default());
-        let page = page.and_then(|loaded| scene_page(&scene.settings, &loaded, &methods, adapter));
+        let page = page.and_then(|loaded| scene_page(&scene.settings, &loaded, &methods, device));
         match page.and_then(|page| write_whole(&path, |file| file.write_all(page.html.as_bytes()))) {
             Ok(()) => print_message("page", &path.display()),
             Err(error) if error.is_cancelled() => return Err(error),
@@ -378,17 +377,17 @@ pub fn list_files(files: &Files) {
     }
 }
 
-/// Graphics adapter that the scene files select. Fails if they select different ones, since times measured on
-/// different adapters are not comparable.
-fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
-    let mut named = requests.iter().map(|request| &request.run.adapter);
-    let first = named.next().cloned().flatten();
-    if named.any(|a| *a != first) {
+/// Graphics adapter, and limit on its memory, that the scene files select. Fails if they select different ones, since times
+/// measured on different adapters are not comparable.
+fn one_device(requests: &[SceneRequest]) -> Result<RunFlags> {
+    let of = |run: &RunFlags| (run.adapter.clone(), run.device_memory);
+    let Some(first) = requests.first() else { return Ok(RunFlags::default()) };
+    if requests.iter().any(|request| of(&request.run) != of(&first.run)) {
         let why = "scene files name different ones, and a table has one";
         return Err(Error::input("cannot choose graphics adapter", "--scene", why)
-            .hint("--adapter wins over all of them"));
+            .hint("--adapter and --device-memory win over all of them"));
     }
-    Ok(first)
+    Ok(first.run.clone())
 }
 
 /// Fails if the measurement of a row of the comparison table failed; the error states the reason for the first such

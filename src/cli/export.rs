@@ -6,13 +6,13 @@ use super::measuring_bar::MeasuringBar;
 use crate::error::{Error, Result};
 use crate::files::input::source_name;
 use crate::files::output::{check_output_or_stdout, write_whole};
-use crate::gpu::{Gpu, Tuning};
+use crate::gpu::Tuning;
 use crate::measure::comparison::Compared;
 use crate::measure::facts::REVISION;
 use crate::measure::job::{Effort, Job};
 use crate::measure::picture_errors::picture_errors;
 use crate::measure::progress::Progress;
-use crate::open::{Loaded, SceneArgs, SceneRequest, SceneSettings};
+use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
 use crate::page::{PageTexts, html, page_data, page_optimizations};
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::report::make::scene_name;
@@ -67,7 +67,7 @@ pub fn run(args: ExportArgs) -> Result<()> {
     check_output_or_stdout(&output, &["html"], run.json)?;
     check_page(&settings, args.embed_volume)?;
     let loaded = load_scene(&settings)?;
-    let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, run.adapter.as_deref())?;
+    let Page { html: page, rows } = scene_page(&settings, &loaded, &methods, &run)?;
     write_whole(&output, |file| file.write_all(page.as_bytes()))?;
     if run.explain {
         rows.iter().flat_map(|row| &row.left_out).for_each(|omission| print_message("plan", omission));
@@ -129,11 +129,11 @@ pub fn scene_page(
     settings: &SceneSettings,
     loaded: &Loaded,
     methods: &[Box<dyn Method>],
-    adapter: Option<&str>,
+    run: &RunFlags,
 ) -> Result<Page> {
     check_page_function(loaded.tf.gradient_opacity.as_ref())?;
     let session = |tuning: Option<Tuning>, disabled: DisabledOptimizations| {
-        let mut gpu = Gpu::open(adapter)?;
+        let mut gpu = run.gpu()?;
         gpu.tuning = tuning.unwrap_or(gpu.tuning);
         let renderer = Arc::new(Renderer::new(gpu));
         let session = Session::on(&renderer, Arc::clone(&loaded.volume), &loaded.tf, disabled)?;

@@ -385,7 +385,7 @@ impl Summary {
     fn explain(&self) {
         let print = |line: String| print_message("plan", &line);
         print(format!("adapter {}, times by {}", self.adapter, self.clock));
-        if let Some(PageUsage { total, needed, pool_bytes, upload_ms }) = self.pages {
+        if let Some(PageUsage { total, needed, pool_bytes, upload_ms, .. }) = self.pages {
             let mb = pool_bytes as f64 * 1e-6;
             print(format!("volume as pages: {needed} of {total} in {mb:.0} MB, {upload_ms:.0} ms"));
         }

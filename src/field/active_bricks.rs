@@ -4,7 +4,7 @@
 use super::brick_distances::{Extent, distances_along_row, spread_across_rows};
 use super::brick_runs::{BrickHull, BrickRun, brick_box};
 use crate::transfer::{LabelClass, TransferFunction};
-use crate::volume::{BRICK_CELLS, Bricks, RankSet, Volume};
+use crate::volume::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
 use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -111,6 +111,36 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
     used.into_iter().enumerate().map(|(i, tf)| (labels_of(i), blurred(tf))).collect()
 }
 
+/// Bricks without extinction, told apart by where their values lie: between which intervals with extinction.
+pub(super) struct EmptyBricks<'a> {
+    bricks: &'a Bricks,
+    /// Segmentation labels of the bricks, if they have transfer functions of their own.
+    pub labels: Option<&'a BrickLabels>,
+    active: &'a ActiveBricks,
+    classes: Vec<(RankSet, Vec<[f64; 2]>)>,
+    planes: Vec<(DVec3, f64)>,
+}
+
+impl<'a> EmptyBricks<'a> {
+    /// Takes the active bricks of a volume under a transfer function, which were found with the same `blur`.
+    pub fn of(bricks: &'a Bricks, active: &'a ActiveBricks, tf: &TransferFunction, blur: f64) -> Self {
+        let classes = intervals_of_labels(bricks, tf, blur);
+        let labels = bricks.labels.as_ref().filter(|_| !tf.rules.is_empty());
+        Self { bricks, labels, active, classes, planes: planes_over_bricks(bricks, tf) }
+    }
+
+    /// Returns the number of intervals below the values of a brick, and its smallest value, if the brick is empty and not
+    /// behind a clip plane. Values between two intervals have no extinction for the label with this index.
+    pub fn gap(&self, brick: usize, rank: usize) -> Option<(usize, f64)> {
+        let is_empty =
+            self.active.distance[brick] > 0 && !is_clipped(brick, self.bricks.counts, &self.planes);
+        let value = self.bricks.min[brick];
+        let own = self.classes.iter().find(|(ranks, _)| self.labels.is_none() || ranks.has(rank));
+        let below = |(_, intervals): &(_, Vec<[f64; 2]>)| intervals.partition_point(|[_, hi]| *hi < value);
+        is_empty.then(|| (own.map_or(0, below), value))
+    }
+}
+
 /// Smallest number of rows of bricks (blocks of voxel cells) in one parallel task.
 const LEAST_ROWS: usize = 64;
 
@@ -170,18 +200,6 @@ impl ActiveBricks {
             runs: OnceLock::new(),
             hull: OnceLock::new(),
         }
-    }
-
-    /// Returns the memory index of a voxel without extinction: one in a brick that is not active, and not because of a clip
-    /// plane. `None` if there is no such brick.
-    pub fn empty_voxel(&self, volume: &Volume, tf: &TransferFunction) -> Option<usize> {
-        let planes = planes_over_bricks(volume.bricks(), tf);
-        let is_empty = |brick: &usize| self.distance[*brick] > 0 && !is_clipped(*brick, self.counts, &planes);
-        let brick = (0..self.distance.len()).find(is_empty)?;
-        let ([bx, by, _], dims) = (self.counts, volume.dims());
-        let at = [brick % bx, brick / bx % by, brick / (bx * by)];
-        let [i, j, k] = std::array::from_fn(|a| (BRICK_CELLS * at[a]).min(dims[a] - 1));
-        Some((k * dims[1] + j) * dims[0] + i)
     }
 
     /// Returns the distance from a brick to the nearest active brick (block of cells with extinction), in bricks;

@@ -141,7 +141,7 @@ impl DeviceTransfer {
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
         let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
         let one_color = one_color(&merged.function, disabled);
-        let textures = on_device.textures(gpu, &loaded.volume, (&active, tf))?;
+        let textures = on_device.textures(gpu, &loaded.volume, &active, (tf, bin))?;
         let has_words = textures.pages.as_ref().is_some_and(|pages| pages.of_words.is_some());
         let uniform = field_uniform((loaded, &textures), &merged, one_color, &active, disabled);
         let bindings = FieldBindings {

@@ -1,14 +1,16 @@
 //! Voxels of a volume on the graphics device: in one 3-D texture, or as those pages of it that have extinction.
 
 use super::ActiveBricks;
+use super::active_bricks::EmptyBricks;
 use super::page_pool::{Page, PagePool};
-use super::pages::PageGrid;
+use super::pages::{Content, PageGrid};
 use super::texel_packing::TexelPacking;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, solid_texture, write_texels};
 use crate::transfer::{TexelMapping, TransferFunction};
 use crate::volume::Volume;
 use crate::with_voxels;
+use itertools::Itertools as _;
 use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -32,8 +34,8 @@ pub struct DeviceVolume {
 }
 
 enum Storage {
-    Whole(VolumeTextures),
-    /// Pool of the pages that transfer functions have needed so far.
+    Whole(Box<VolumeTextures>),
+    /// Pool of the pages that the last transfer function needed, and of those of earlier ones that it has room for.
     Pages(Mutex<Option<Arc<PagePool>>>),
 }
 
@@ -66,6 +68,8 @@ pub struct PageUsage {
     pub total: usize,
     /// Number of pages with extinction under the transfer function, or near it. Others are not stored.
     pub needed: usize,
+    /// Memory of a page, bytes.
+    pub page_bytes: u64,
     /// Memory of the pool of pages on the device, bytes.
     pub pool_bytes: u64,
     /// Host time to find the needed pages and to upload those that were missing, ms.
@@ -92,7 +96,7 @@ impl DeviceVolume {
             return Err(Error::input(WHAT, &volume.provenance.source, why).hint(DOWNSAMPLE_HINT));
         }
         let (storage, packing) = match whole {
-            Some(textures) => (Storage::Whole(textures), packing),
+            Some(textures) => (Storage::Whole(Box::new(textures)), packing),
             None => (Storage::Pages(Mutex::default()), packing.compact(volume)),
         };
         let [a, b] = volume.stored_range().map(|stored| packing.texel(stored));
@@ -100,7 +104,8 @@ impl DeviceVolume {
         Ok(Self { storage, packing, mapping, texel_range, dims })
     }
 
-    /// Returns the textures with all voxels that a transfer function needs. Pages that are missing are uploaded.
+    /// Returns the textures with all voxels that a transfer function needs. Pages that are missing are uploaded. The active
+    /// bricks were found with `blur`.
     ///
     /// # Errors
     /// The pages exceed the limit on device memory, or the device is out of memory.
@@ -108,32 +113,38 @@ impl DeviceVolume {
         &self,
         gpu: &Gpu,
         volume: &Volume,
-        (active, tf): (&ActiveBricks, &TransferFunction),
+        active: &ActiveBricks,
+        (tf, blur): (&TransferFunction, f64),
     ) -> Result<VolumeTextures> {
         let pool = match &self.storage {
-            Storage::Whole(textures) => return Ok(textures.clone()),
+            Storage::Whole(textures) => return Ok(VolumeTextures::clone(textures)),
             Storage::Pages(pool) => pool,
         };
         let start = Instant::now();
         let grid = PageGrid::of(self.dims);
-        let needed = grid.needed(active);
-        let empty = active.empty_voxel(volume, tf).unwrap_or_default();
-        let pages: Vec<Page> = std::iter::once(Page::Constant(empty))
-            .chain(needed.iter().map(|number| Page::Voxels(*number)))
-            .collect();
+        let empty = EmptyBricks::of(volume.bricks(), active, tf, blur);
+        let contents = grid.layout(active, &empty);
+        let needed = contents.iter().filter(|content| **content == Content::Stored).count();
+        let least = contents.iter().find_map(Content::gap).map_or(volume.value_range()[0], |gap| gap.value);
+        let page = |(number, content): (usize, &Content)| match content {
+            Content::Stored => Page::Voxels(number),
+            Content::Empty(gap) => Page::Constant { value_bits: gap.value.to_bits(), rank: gap.rank as u8 },
+            Content::Clipped => Page::Constant { value_bits: least.to_bits(), rank: 0 },
+        };
+        let pages: Vec<Page> = contents.iter().enumerate().map(page).collect();
         let mut pool = pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = pool.clone().and_then(|pool| Some((pool.store(gpu, volume, &pages)?, pool)));
+        let known = pool.take().and_then(|pool| Some((pool.store(gpu, volume, &pages)?, pool)));
         let (slots, current) = match known {
             Some(found) => found,
             None => self.new_pool(gpu, volume, &pages)?,
         };
         *pool = Some(Arc::clone(&current));
-        let stored: Vec<_> = needed.iter().copied().zip(slots[1..].iter().copied()).collect();
-        let table = current.table(gpu, &stored, slots[0]);
+        let table = current.table(gpu, &slots);
         let (values, labels) = current.views();
         let usage = PageUsage {
             total: grid.len(),
-            needed: needed.len(),
+            needed,
+            page_bytes: PagePool::page_bytes(volume, &self.packing),
             pool_bytes: current.bytes(),
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         };
@@ -145,33 +156,34 @@ impl DeviceVolume {
     /// Creates a pool with room for these pages and some more, and stores them. Returns their slots and the pool.
     fn new_pool(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<(Vec<usize>, Arc<PagePool>)> {
         let source = &volume.provenance.source;
+        let count = pages.iter().unique().count();
         let page_bytes = PagePool::page_bytes(volume, &self.packing);
-        let needed_bytes = pages.len() as u64 * page_bytes;
+        let needed_bytes = count as u64 * page_bytes;
         let most = gpu.memory_limit.map_or(usize::MAX, |limit| (limit / page_bytes) as usize);
-        if pages.len() > most {
-            let limit = gpu.memory_limit.unwrap_or_default();
-            let why = format!("its parts with extinction need {needed_bytes} bytes, and {limit} are allowed");
-            let error = Error::input(WHAT, source, why);
-            return Err(
-                error.hint("--device-memory sets the limit; --downsample and --crop reduce the volume")
-            );
-        }
-        let spare = (pages.len() as f64 * SPARE_SLOTS) as usize;
-        let most_needed = (pages.len() + spare).min(most).min(PageGrid::of(self.dims).len() + 2);
-        let no_room = || {
-            let why = format!("the device has no room for {needed_bytes} bytes of it");
-            Error::runtime(WHAT, source, why).hint(DOWNSAMPLE_HINT)
-        };
-        for slots in [most_needed, pages.len()] {
+        let spare = (count as f64 * SPARE_SLOTS) as usize;
+        let sizes = [(count + spare).min(most), count];
+        for slots in sizes.into_iter().filter(|slots| (count..=most).contains(slots)) {
             let made = without_errors(gpu, || PagePool::new(gpu, volume, self.packing, slots))?;
             if let Some(pool) = made.flatten()
+                && pool.len() <= most
                 && let Some(slots) = pool.store(gpu, volume, pages)
             {
                 gpu.wait_for(gpu.submit([]))?;
                 return Ok((slots, Arc::new(pool)));
             }
         }
-        Err(no_room())
+        Err(match gpu.memory_limit {
+            Some(limit) if count >= most => {
+                let why =
+                    format!("its parts with extinction need {needed_bytes} bytes, and {limit} are allowed");
+                let hint = "--device-memory sets the limit; --downsample and --crop reduce the volume";
+                Error::input(WHAT, source, why).hint(hint)
+            }
+            _ => {
+                let why = format!("the device has no room for {needed_bytes} bytes of it");
+                Error::runtime(WHAT, source, why).hint(DOWNSAMPLE_HINT)
+            }
+        })
     }
 }
 

@@ -32,7 +32,8 @@ impl FieldBindings {
         let filterable = gpu.filters_float32;
         let values = match self.has_words {
             true => wgpu::TextureSampleType::Uint,
-            false => wgpu::TextureSampleType::Float { filterable },
+            // Shaders filter pages themselves.
+            false => wgpu::TextureSampleType::Float { filterable: filterable && self.page_table.is_none() },
         };
         let mut slots = vec![
             Slot::uniform(&self.field),

@@ -3,11 +3,11 @@
 use super::pages::{PAGE_VOXELS, PageGrid, SlotGrid};
 use super::texel_packing::TexelPacking;
 use crate::gpu::{Gpu, solid_texture, write_texels};
-use crate::volume::Volume;
+use crate::volume::{Volume, Voxels};
 use crate::with_voxels;
+use itertools::Itertools as _;
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 use wgpu::TextureFormat;
 
@@ -19,8 +19,8 @@ const PAGES_AT_ONCE: usize = 64;
 pub(super) enum Page {
     /// Voxels of the page with this number.
     Voxels(usize),
-    /// One voxel everywhere, that at this memory index, in place of all pages that are not stored.
-    Constant(usize),
+    /// One value everywhere, given by its bits, with the label of this index.
+    Constant { value_bits: u64, rank: u8 },
 }
 
 /// Pool of pages of a volume on the device. Pages are added and never replaced, so that all page tables stay valid.
@@ -62,6 +62,11 @@ impl PagePool {
         (view(&self.values), self.labels.as_ref().map(view))
     }
 
+    /// Number of slots.
+    pub fn len(&self) -> usize {
+        self.slots.len()
+    }
+
     /// Number of bytes of the textures.
     pub fn bytes(&self) -> u64 {
         let texel_bytes = self.packing.bytes() + u64::from(self.labels.is_some());
@@ -72,7 +77,8 @@ impl PagePool {
     /// are left do not suffice.
     pub fn store(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Option<Vec<usize>> {
         let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
-        let missing: Vec<Page> = pages.iter().filter(|page| !stored.contains_key(page)).copied().collect();
+        let missing = pages.iter().filter(|page| !stored.contains_key(page));
+        let missing: Vec<Page> = missing.copied().unique().collect();
         if stored.len() + missing.len() > self.slots.len() {
             return None;
         }
@@ -94,39 +100,35 @@ impl PagePool {
 
     /// Returns the sides of a page in texels, the bytes of its values, and its labels.
     fn packed(&self, volume: &Volume, page: Page) -> ([u32; 3], Vec<u8>, Option<Vec<u8>>) {
-        let (mut values, mut labels) = (Vec::new(), volume.labels().map(|_| Vec::new()));
-        let voxels = match page {
-            Page::Voxels(number) => self.grid.voxels(number),
-            Page::Constant(_) => [0..PAGE_VOXELS, 0..PAGE_VOXELS, 0..PAGE_VOXELS],
+        let (mut values, labels) = (Vec::new(), volume.labels());
+        let number = match page {
+            Page::Voxels(number) => number,
+            Page::Constant { value_bits, rank } => {
+                let texels = PAGE_VOXELS.pow(3);
+                let stored = volume.scaling().invert(f64::from_bits(value_bits));
+                // Integers have been scaled and back.
+                let is_whole = matches!(volume.voxels(), Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_));
+                let stored = if is_whole { stored.round() } else { stored };
+                self.packing.append(std::iter::repeat_n(stored, texels), &mut values);
+                return ([PAGE_VOXELS as u32; 3], values, labels.map(|_| vec![rank; texels]));
+            }
         };
+        let voxels = self.grid.voxels(number);
         let [nx, ny, _] = volume.dims();
         let [x, y, z] = voxels.clone();
-        let mut append = |row: Range<usize>, count: usize| {
-            let repeated = count / row.len();
-            with_voxels!(volume.voxels(), a => {
-                let row = &a.as_slice().unwrap_or_default()[row.clone()];
-                (0..repeated).for_each(|_| self.packing.append(row.iter().copied(), &mut values));
-            });
-            if let Some((labels, all)) = labels.as_mut().zip(volume.labels()) {
-                (0..repeated).for_each(|_| labels.extend_from_slice(&all.ranks()[row.clone()]));
-            }
-        };
-        match page {
-            Page::Constant(voxel) => append(voxel..voxel + 1, PAGE_VOXELS.pow(3)),
-            Page::Voxels(_) => {
-                for (k, j) in z.flat_map(|k| y.clone().map(move |j| (k, j))) {
-                    let start = (k * ny + j) * nx + x.start;
-                    append(start..start + x.len(), x.len());
-                }
-            }
-        }
+        let starts = z.flat_map(|k| y.clone().map(move |j| (k * ny + j) * nx + x.start));
+        let rows = starts.map(|start| start..start + x.len());
+        with_voxels!(volume.voxels(), a => {
+            let all = a.as_slice().unwrap_or_default();
+            rows.clone().for_each(|row| self.packing.append(all[row].iter().copied(), &mut values));
+        });
+        let labels = labels.map(|labels| rows.flat_map(|row| &labels.ranks()[row]).copied().collect());
         (voxels.map(|range| range.len() as u32), values, labels)
     }
 
-    /// Creates the page table: the place of the slot of every page. Pages that are not stored are in the slot `empty`.
-    pub fn table(&self, gpu: &Gpu, stored: &[(usize, usize)], empty: usize) -> wgpu::TextureView {
-        let mut entries = vec![self.slots.entry(empty); self.grid.len()];
-        stored.iter().for_each(|(page, slot)| entries[*page] = self.slots.entry(*slot));
+    /// Creates the page table from the slot of every page.
+    pub fn table(&self, gpu: &Gpu, slots: &[usize]) -> wgpu::TextureView {
+        let entries: Vec<u32> = slots.iter().map(|slot| self.slots.entry(*slot)).collect();
         let sides = self.grid.counts.map(|n| n as u32);
         let table = solid_texture(gpu, "page table", TextureFormat::R32Uint, sides);
         write_texels(gpu, &table, [0; 3], sides, &entries);

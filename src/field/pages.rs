@@ -3,18 +3,19 @@
 //! Neighbouring pages share the voxels at their border, so that every cell lies in one page.
 
 use super::ActiveBricks;
-use crate::volume::{BRICK_CELLS, Bricks};
+use super::active_bricks::EmptyBricks;
+use crate::volume::{BRICK_CELLS, Bricks, RankSet};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Number of cells along each side of a page; a power of 2.
 pub(super) const PAGE_CELLS: usize = 32;
 /// Number of voxels along each side of a page.
 pub(super) const PAGE_VOXELS: usize = PAGE_CELLS + 1;
-/// Distance from an active brick, in bricks, up to which shaders read values: a sample of an eye ray before the brick, and
-/// the differences of its gradient.
-const REACH_BRICKS: u8 = 2;
+/// Distance from an active brick, in bricks, up to which shaders read values: the last sample before the brick, at a step of
+/// up to 8 voxels, and the differences of its gradient.
+const REACH_BRICKS: u8 = 3;
 /// Bits of one coordinate of a page in an entry of the page table.
 const SLOT_BITS: u32 = 10;
 
@@ -62,30 +63,83 @@ impl PageGrid {
         })
     }
 
-    /// Returns the pages whose values shaders read: those of active bricks, and of bricks near them.
-    pub fn needed(&self, active: &ActiveBricks) -> Vec<usize> {
-        let needed: Vec<AtomicBool> = (0..self.len()).map(|_| AtomicBool::new(false)).collect();
-        let [bx, by, _] = active.counts;
-        active.distance.par_chunks_exact(bx).enumerate().for_each(|(row, line)| {
-            let [ys, zs] = [(1, row % by), (2, row / by)].map(|(axis, brick)| self.pages_of(brick, axis));
-            for x in (0..bx).filter(|x| line[*x] <= REACH_BRICKS) {
-                for (page_z, page_y) in zs.clone().flat_map(|z| ys.clone().map(move |y| (z, y))) {
-                    for page_x in self.pages_of(x, 0) {
-                        let page = (page_z * self.counts[1] + page_y) * self.counts[0] + page_x;
-                        needed[page].store(true, Ordering::Relaxed);
-                    }
-                }
-            }
-        });
-        (0..self.len()).filter(|page| needed[*page].load(Ordering::Relaxed)).collect()
+    /// Decides which pages of a volume are stored: those of active bricks and of bricks near them, and with segmentation
+    /// labels those with several labels. Returns what stands in each other page.
+    ///
+    /// An empty page has values between two intervals of values with extinction. Its neighbours share voxels with it, and so
+    /// have values there too, unless they have extinction. One value from there can stand for all of them: no ray finds
+    /// extinction between it and the values of a neighbour.
+    pub fn layout(&self, active: &ActiveBricks, empty: &EmptyBricks) -> Vec<Content> {
+        let contents: Vec<Content> = (0..self.len())
+            .into_par_iter()
+            .map(|page| {
+                let [xs, ys, zs] = self.bricks_of(page, active.counts);
+                let [bx, by, _] = active.counts;
+                let all = || {
+                    let rows = zs.clone().flat_map(|z| ys.clone().map(move |y| (z * by + y) * bx));
+                    rows.flat_map(|row| xs.clone().map(move |x| row + x))
+                };
+                let rank =
+                    empty.labels.map_or(Some(0), |labels| RankSet::only(all().map(|b| labels.sets[b])));
+                let is_near = all().any(|brick| active.distance[brick] <= REACH_BRICKS);
+                let Some(rank) = rank.filter(|_| !is_near) else { return Content::Stored };
+                let gaps = all().filter_map(|brick| empty.gap(brick, rank));
+                let least = gaps.reduce(|a, b| if b.1 < a.1 { b } else { a });
+                least.map_or(Content::Clipped, |(gap, value)| Content::Empty(Gap { rank, gap, value }))
+            })
+            .collect();
+        let mut least = HashMap::<(usize, usize), f64>::new();
+        for gap in contents.iter().filter_map(Content::gap) {
+            let known = least.entry((gap.rank, gap.gap)).or_insert(gap.value);
+            *known = known.min(gap.value);
+        }
+        let with_least = |content| match content {
+            Content::Empty(gap) => Content::Empty(Gap { value: least[&(gap.rank, gap.gap)], ..gap }),
+            other => other,
+        };
+        contents.into_iter().map(with_least).collect()
     }
 
-    /// Returns the pages that hold the cells of a brick, along one axis.
-    fn pages_of(&self, brick: usize, axis: usize) -> std::ops::RangeInclusive<usize> {
-        // Cell c interpolates the voxels c - 1 and c, and is in the page of its lower voxel.
-        let [first, last] = [BRICK_CELLS * brick, BRICK_CELLS * (brick + 1) - 1];
-        let page = |cell: usize| (cell.saturating_sub(1) / PAGE_CELLS).min(self.counts[axis] - 1);
-        page(first)..=page(last)
+    /// Returns the bricks with cells in a page, along each axis.
+    fn bricks_of(&self, page: usize, counts: [usize; 3]) -> [Range<usize>; 3] {
+        let voxels = self.voxels(page);
+        // Cell c interpolates the voxels c - 1 and c.
+        std::array::from_fn(|a| {
+            let Range { start, end } = voxels[a];
+            start / BRICK_CELLS..(end / BRICK_CELLS + 1).min(counts[a])
+        })
+    }
+}
+
+/// Value that stands for those of an empty page.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Gap {
+    /// Index of the label of all voxels of the page; 0 without labels.
+    pub rank: usize,
+    /// Number of intervals with extinction below the value.
+    gap: usize,
+    /// Least value of all empty pages of the same label in the same gap.
+    pub value: f64,
+}
+
+/// Contents of a page on the device.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Content {
+    /// Its voxels.
+    Stored,
+    /// One value without extinction.
+    Empty(Gap),
+    /// Anything: clip planes remove the whole page.
+    Clipped,
+}
+
+impl Content {
+    /// Value that stands for those of the page.
+    pub fn gap(&self) -> Option<&Gap> {
+        match self {
+            Self::Empty(gap) => Some(gap),
+            _ => None,
+        }
     }
 }
 
@@ -100,8 +154,11 @@ impl SlotGrid {
     /// Returns a grid of at least `slots` slots in a texture of at most `limit` texels a side; `None` if it holds fewer.
     pub fn of(slots: usize, limit: usize) -> Option<Self> {
         let most = (limit / PAGE_VOXELS).min(1 << SLOT_BITS);
-        let side = (1..=most).find(|side| side.pow(3) >= slots)?;
-        Some(Self { counts: [side, side, slots.div_ceil(side * side).max(1)] })
+        let with_rows = |x: usize| (1..=x).map(move |y| [x, y, slots.div_ceil(x * y).max(1)]);
+        let all = (1..=most).flat_map(with_rows).filter(|counts| counts[2] <= most);
+        // Of those with equally many slots, the one with the most equal sides.
+        let counts = all.min_by_key(|[x, y, z]| (x * y * z, x + y + z))?;
+        Some(Self { counts })
     }
 
     /// Number of slots.
@@ -173,17 +230,20 @@ mod tests {
             )
             .unwrap();
             let tf = TransferFunction::new(Quantity::Extinction, &[(1.0, 0.0), (9.0, 1.0)]);
-            let needed = grid.needed(&ActiveBricks::of(volume.bricks(), &tf));
-            for page in 0..grid.len() {
+            let active = ActiveBricks::of(volume.bricks(), &tf);
+            let empty = EmptyBricks::of(volume.bricks(), &active, &tf, 0.0);
+            let contents = grid.layout(&active, &empty);
+            for (page, content) in contents.iter().enumerate() {
                 let gap = |a: usize| {
                     let Range { start, end } = grid.voxels(page)[a];
                     start.saturating_sub(spot[a]).max((spot[a] + 1).saturating_sub(end))
                 };
                 let distance = (0..3).map(gap).max().unwrap();
-                let is_needed = needed.contains(&page);
+                let is_needed = *content == Content::Stored;
+                assert!(is_needed || content.gap().is_some_and(|gap| gap.value == 0.0));
                 // Active bricks end within a brick of the voxel.
-                assert!(is_needed || distance > 5, "{spot:?}: page {page}, {distance} voxels away");
-                assert!(!is_needed || distance <= 4 * BRICK_CELLS, "{spot:?}: page {page}");
+                assert!(is_needed || distance > 9, "{spot:?}: page {page}, {distance} voxels away");
+                assert!(!is_needed || distance <= 5 * BRICK_CELLS, "{spot:?}: page {page}");
             }
         }
     }
@@ -191,7 +251,7 @@ mod tests {
     #[test]
     fn slots_do_not_overlap_and_entries_name_them() {
         let slots = SlotGrid::of(30, 200).unwrap();
-        assert_eq!((slots.len(), slots.texels()), (32, [132, 132, 66]));
+        assert_eq!((slots.len(), slots.texels()), (30, [99, 66, 165]));
         let mut firsts: Vec<_> = (0..slots.len()).map(|slot| slots.first_texel(slot)).collect();
         for (slot, first) in firsts.iter().enumerate() {
             let entry = slots.entry(slot);
@@ -201,7 +261,7 @@ mod tests {
         firsts.sort_unstable();
         firsts.dedup();
         assert_eq!(firsts.len(), slots.len());
-        assert_eq!(SlotGrid::of(217, 200), None);
+        assert!(SlotGrid::of(216, 200).is_some() && SlotGrid::of(217, 200).is_none());
     }
 
     #[test]

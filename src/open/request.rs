@@ -27,7 +27,8 @@ pub struct RunFlags {
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
     /// Device memory for voxels: parts of a larger volume are left out where empty [default: no limit]
-    #[arg(long, value_name = "BYTES")]
+    #[arg(id = "device-memory", long, value_name = "BYTES")]
+    #[serde(rename = "device-memory")]
     pub device_memory: Option<ByteCount>,
 }
 }

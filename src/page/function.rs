@@ -79,6 +79,8 @@ pub(super) fn function_record(
     let tf = transfer.function();
     let is_directional = |light: Light| matches!(light, Light::Directional { .. });
     let is_editable = !transfer.has_labels
+        // Other functions may need pages that are not stored.
+        && transfer.pages.is_none()
         && !transfer.empty
         && !transfer.disabled.has(Optimization::Bricks)
         && tf.points.len() <= MOST_POINTS

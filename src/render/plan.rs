@@ -151,6 +151,12 @@ impl Plan {
             let saved = Some(format!("{share:.1} % of the volume"));
             left_out.add(what, "no extinction in them", saved, Some(Optimization::Bricks));
         }
+        if let Some(pages) = transfer.pages.filter(|pages| pages.needed < pages.total) {
+            let empty = pages.total - pages.needed;
+            let what = format!("{empty} of {} pages of the volume", pages.total);
+            let saved = Some(megabytes(empty as u64 * pages.page_bytes));
+            left_out.add(what, "no extinction in or near them", saved, None);
+        }
         let tiles = picture_tiles(scene, loaded, transfer, kernels)?;
         let tiles_place = left_out.0.len();
         let needed = needs_shadows(scene, &loaded.volume, transfer);

@@ -54,6 +54,16 @@ impl RankSet {
         self.0[rank / 64 % 4] & (1 << (rank % 64)) != 0
     }
 
+    /// Returns the only label of several sets, by its index; `None` if they have none or several.
+    pub fn only(sets: impl Iterator<Item = Self>) -> Option<usize> {
+        let all = sets.fold(Self::default(), |all, set| Self(std::array::from_fn(|i| all.0[i] | set.0[i])));
+        let word = all.0.iter().position(|word| *word != 0)?;
+        let rank = 64 * word + all.0[word].trailing_zeros() as usize;
+        let mut one = Self::default();
+        one.insert(rank);
+        (one == all).then_some(rank)
+    }
+
     /// Whether two sets of labels have a label in common.
     pub fn meets(&self, other: &Self) -> bool {
         self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)

@@ -72,20 +72,22 @@ impl<'a> Search<'a> {
     }
 
     /// Tries known settings, from which later searches may start. Where they exceed the budget, the last ordered setting,
-    /// which decides the memory most, is lowered until the budget is satisfied.
+    /// which decides the memory most, is lowered until the budget is satisfied, and where that fails, all ordered settings.
     ///
     /// # Errors
     /// Any error that `attempt` returns.
     pub fn start_from(&mut self, budget: Budget, place: &[usize]) -> Result<()> {
         self.left = MOST_TRIALS;
         let place = (self.canonical)(place);
-        let last = self.sides.iter().rposition(|side| side.ordered);
-        if let Some(last) = last
-            && !self.is_held(budget, &place)?
-        {
-            self.lower(budget, &place, &[last])?;
+        if self.is_held(budget, &place)? {
+            return Ok(());
         }
-        Ok(())
+        let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
+        if let Some(last) = ordered.last() {
+            self.lower(budget, &place, &[*last])?;
+        }
+        let is_found = self.best_known(budget, By::Points).is_some();
+        if is_found { Ok(()) } else { self.lower(budget, &place, &ordered) }
     }
 
     /// Searches for the method settings with the smallest error within a budget, from `default` and the best settings
