@@ -125,8 +125,8 @@ impl<'a> CellJob<'a> {
         budget: Budget,
         (known, is_same): (&Answer, bool),
     ) -> Result<(Answer, Errors)> {
-        let mut answer =
-            Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() };
+        let none = Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() };
+        let mut answer = none.clone();
         if is_same {
             (answer.trials, answer.converged) = (known.trials, known.converged);
         }
@@ -138,16 +138,10 @@ impl<'a> CellJob<'a> {
             return Ok((answer, errors));
         }
         let source = self.job.scene.lights.first().cloned().unwrap_or_default();
-        let none = || {
-            Ok((
-                Answer { budget: known.budget.clone(), method: known.method.clone(), ..Answer::default() },
-                Errors::new(),
-            ))
-        };
-        let Some(settings) = Settings::of(entry, &source) else { return none() };
+        let settings = Settings::of(entry, &source).ok_or_else(|| no_method(entry))?;
         let starts = settings.places_of(std::iter::once(known))?;
         let lowered = self.search_kind((&settings, entry), &[budget], &starts, 0)?;
-        lowered.into_iter().next().map_or_else(none, Ok)
+        Ok(lowered.into_iter().next().unwrap_or_else(|| (none, Errors::new())))
     }
 
     /// Searches the best settings of a method within each budget, smaller budgets first. `first` is the result of the first

@@ -3,11 +3,16 @@
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::measure::progress::{Status, Step, StepKind, spoken};
-use crate::open::{Loaded, SceneSettings};
+use crate::open::{Loaded, RunFlags, SceneSettings};
+use crate::render::{Renderer, Session};
+use crate::strands::VoxelisedStrands;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::cell::Cell;
 use std::io::{self, IsTerminal, Write};
+use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -41,6 +46,21 @@ pub fn load_scene(settings: &SceneSettings) -> Result<Loaded> {
     let loaded = shown(&loading, || settings.load(&loading))?;
     loaded.diagnostics.iter().for_each(|d| print_message(d.level.name(), &d.message));
     Ok(loaded)
+}
+
+/// Opens the graphics adapter of a command with the volume and transfer function of its scene.
+///
+/// # Errors
+/// There is no such adapter, or it cannot hold the volume.
+pub fn open_session(
+    run: &RunFlags,
+    settings: &SceneSettings,
+    (volume, strands): (Arc<Volume>, Option<Arc<VoxelisedStrands>>),
+    tf: &TransferFunction,
+) -> Result<Session> {
+    let renderer = Arc::new(Renderer::new(run.gpu()?));
+    let session = Session::on(&renderer, volume, tf, settings.disabled_optimizations())?;
+    Ok(session.with_strands(strands))
 }
 
 /// Time between two looks at the progress of reading a volume.

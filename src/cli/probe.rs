@@ -1,7 +1,7 @@
 //! `umbravox probe`: prints exact optical depths of segments, transmittance at points by a shadow method, or
 //! transmittance curves along a light ray, or writes slices of a shadow map.
 
-use super::console::{load_scene, print_message, print_result};
+use super::console::{load_scene, open_session, print_message, print_result};
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
 use super::probe_slices;
@@ -10,13 +10,11 @@ use crate::exact::ExactField;
 use crate::files::input::read_text;
 use crate::measure::errors::mean_of_maps;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
-use crate::render::{Renderer, Session};
 use crate::shadow::mapped_lights;
 use clap::Args;
 use glam::DVec3;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Print the exact optical depth of segments, a shadow method's transmittance at points, or transmittance curves
 /// along a light ray; or write slices of a shadow map as pictures
@@ -97,13 +95,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
                 &format_args!("{about} {standard_error:.1e} (root mean square over the points)"),
             );
         }
-        let session = Session::on(
-            &Arc::new(Renderer::new(run.gpu()?)),
-            volume,
-            &tf,
-            settings.disabled_optimizations(),
-        )?
-        .with_strands(strands);
+        let session = open_session(&run, &settings, (volume, strands), &tf)?;
         let lights = mapped_lights(method.as_ref(), &scene.under(source.clone())).into_iter();
         let shadows =
             lights.map(|light| session.shadow(method.as_ref(), light)).collect::<Result<Vec<_>>>()?;

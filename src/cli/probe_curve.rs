@@ -1,12 +1,11 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, by several shadow methods and exact.
 
-use super::console::{load_scene, print_json, print_message, print_result};
+use super::console::{load_scene, open_session, print_json, print_message, print_result};
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::files::output::{check_output, check_output_dir, extension, prepare_output_dir, write_whole};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::open::{Loaded, RunFlags, SceneSettings};
-use crate::render::{Renderer, Session};
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_pdf, curve_png, curve_svg};
 use crate::shadow::{CURVES, parse_list};
@@ -40,13 +39,7 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &Cu
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
-    let session = Session::on(
-        &Arc::new(Renderer::new(run.gpu()?)),
-        Arc::clone(&volume),
-        &tf,
-        settings.disabled_optimizations(),
-    )?
-    .with_strands(strands);
+    let session = open_session(run, settings, (Arc::clone(&volume), strands), &tf)?;
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {

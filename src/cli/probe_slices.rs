@@ -1,6 +1,6 @@
 //! `umbravox probe --map-slices`: transmittance by a shadow map at even depths, as pictures seen from the light.
 
-use super::console::{load_scene, print_json, print_message, print_result};
+use super::console::{load_scene, open_session, print_json, print_message, print_result};
 use super::frames::with_suffix;
 use crate::error::Result;
 use crate::exact::ExactField;
@@ -8,7 +8,6 @@ use crate::files::output::check_output;
 use crate::files::picture::{PICTURE_EXTENSIONS, write_picture};
 use crate::measure::map_slices::map_slices;
 use crate::open::{Loaded, RunFlags, SceneSettings};
-use crate::render::{Renderer, Session};
 use ndarray::{Array2, Array3};
 use serde::Serialize;
 use std::path::Path;
@@ -42,13 +41,7 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, count: u32, output: &Path) 
     let method = settings.method()?;
     check_output(output, PICTURE_EXTENSIONS)?;
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
-    let session = Session::on(
-        &Arc::new(Renderer::new(run.gpu()?)),
-        Arc::clone(&volume),
-        &tf,
-        settings.disabled_optimizations(),
-    )?
-    .with_strands(strands);
+    let session = open_session(run, settings, (Arc::clone(&volume), strands), &tf)?;
     let shadow = session.shadow(method.as_ref(), scene.light())?;
     let field = ExactField::new(&volume, &tf);
     let mut records = Vec::new();
