@@ -28,7 +28,7 @@ pub struct ConvertArgs {
 /// The volume cannot be read, or the file cannot be written.
 pub fn run(args: &ConvertArgs) -> Result<()> {
     check_output(&args.output, VOLUME_EXTENSIONS)?;
-    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
+    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags.clone() })?;
     volume.provenance.warnings.iter().for_each(|warning| print_message("warning", warning));
     write_volume(&volume, &args.output)
 }

@@ -7,7 +7,7 @@ use crate::files::loading::Loading;
 use crate::formats::{Head, dicom};
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, is_strand_source, load, load_any_strands};
-use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume, Voxels};
+use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume};
 use bytesize::ByteSize;
 use clap::Args;
 use glam::{DMat4, DVec3};
@@ -77,13 +77,7 @@ impl Info {
         Self {
             provenance: volume.provenance.clone(),
             dims,
-            memory_type: match volume.voxels() {
-                Voxels::U8(_) => "uint8",
-                Voxels::I16(_) => "int16",
-                Voxels::U16(_) => "uint16",
-                Voxels::F32(_) => "float32",
-                Voxels::F64(_) => "float64",
-            },
+            memory_type: volume.element().name(),
             affine: DMat4::from(volume.world_from_index()).transpose().to_cols_array_2d(),
             spacing_mm,
             size_mm: std::array::from_fn(|axis| dims[axis] as f64 * spacing_mm[axis]),
@@ -189,7 +183,7 @@ enum Described {
 impl Described {
     /// Reads an input and collects its properties.
     fn read(source: &str, args: &InfoArgs) -> Result<Self> {
-        let spec = VolumeSpec { source: source.to_owned(), flags: args.volume_flags };
+        let spec = VolumeSpec { source: source.to_owned(), flags: args.volume_flags.clone() };
         let info = || load(&spec).map(|volume| Box::new(Info::of(&volume, args.units)));
         // A raw volume may have any name.
         if is_strand_source(source) && args.volume_flags.raw.is_none() {

@@ -80,6 +80,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let loaded = load_scene(&settings)?;
         let field = ExactField::new(&loaded.volume, &loaded.tf);
         let answers = probe_rays(&field, &text, &path.display().to_string())?;
+        loaded.volume.check_reads()?;
         print_result(&(header(args.header, "optical_depth transmittance") + &answers))?;
     }
     if let Some(path) = &args.what.points {
@@ -88,6 +89,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings)?;
         let source = scene.lights.first().cloned().unwrap_or_default();
         let (exact, standard_error) = ExactField::new(&volume, &tf).transmittances_from(&points, &source);
+        volume.check_reads()?;
         if source.is_soft() {
             let about = "T_exact is a mean over the light, with a standard error of";
             print_message(

@@ -39,6 +39,7 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &Cu
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
+    volume.check_reads()?;
     let session = open_session(run, settings, (Arc::clone(&volume), strands), &tf)?;
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());

@@ -58,6 +58,7 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, count: u32, output: &Path) 
             largest_error: errors.fold(0.0, f64::max),
         });
     }
+    volume.check_reads()?;
     print_message("written", &format_args!("{} pictures beside {}", 2 * records.len(), output.display()));
     if run.json {
         return print_json(&records);

@@ -22,7 +22,7 @@ use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, MethodSpec, ShadowMap, mapped_lights};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
-use crate::volume::Volume;
+use crate::volume::{ReadUsage, Volume};
 use clap::Args;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -158,6 +158,7 @@ impl RenderJob<'_> {
         let mut picture = prepared.render_watched(scene, |share| self.progress.show_rays(share))?;
         let certified = exact.as_ref().zip(args.certify);
         let certified = certified.map(|(field, eta)| self.certify(&prepared, field, eta)).transpose()?;
+        volume.check_reads()?;
         certified.iter().for_each(|certified| picture.pixels.assign(&certified.pixels));
         let texts = self.texts(scene, None)?;
         if args.annotate {
@@ -176,7 +177,9 @@ impl RenderJob<'_> {
         };
         let mean_error = exact.filter(|_| args.error_bound).map(of_points);
         let certificate = certified.as_ref().map(CertifiedPicture::certificate);
-        Ok(Summary { mean_error: mean_error.transpose()?, certificate, ..self.summary(&prepared, &picture) })
+        let mean_error = mean_error.transpose()?;
+        volume.check_reads()?;
+        Ok(Summary { mean_error, certificate, ..self.summary(&prepared, &picture) })
     }
 
     /// Returns a picture whose transmittances err by at most `eta`, or are those of shadow rays.
@@ -287,6 +290,8 @@ struct Summary {
     params: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pages: Option<PageUsage>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reading: Option<ReadUsage>,
     table_ms: f64,
     march_table_ms: Option<f64>,
     classify_ms: f64,
@@ -338,6 +343,7 @@ impl Summary {
             method: method.name(),
             params: method.params(),
             pages: transfer.pages,
+            reading: loaded.volume.parts().map(|parts| parts.usage()),
             table_ms: transfer.table_ms,
             march_table_ms: transfer.march_table().map(|t| t.table_ms),
             classify_ms: transfer.classify_ms,
@@ -388,6 +394,14 @@ impl Summary {
         if let Some(PageUsage { total, needed, pool_bytes, upload_ms, .. }) = self.pages {
             let mb = pool_bytes as f64 * 1e-6;
             print(format!("volume as pages: {needed} of {total} in {mb:.0} MB, {upload_ms:.0} ms"));
+        }
+        if let Some(ReadUsage { read_bytes, read_ms, cached_bytes, peak_bytes, .. }) = self.reading {
+            let [read, cached] = [read_bytes, cached_bytes].map(|bytes| bytes as f64 * 1e-6);
+            let peak = peak_bytes.map(|bytes| format!(", {:.0} MB of memory at most", bytes as f64 * 1e-6));
+            let peak = peak.unwrap_or_default();
+            print(format!(
+                "voxels read in parts: {read:.0} MB in {read_ms:.0} ms, {cached:.0} MB cached{peak}"
+            ));
         }
         let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
         let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());

@@ -50,6 +50,7 @@ pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &Event
     let depths: Vec<f64> =
         (0..PROBE_DEPTHS).map(|i| length_mm * i as f64 / (PROBE_DEPTHS - 1) as f64).collect();
     let exact = depths.iter().map(|&z| [z, curve.transmittance_at(z)]).collect();
+    volume.check_reads()?;
     let mut points: Vec<DVec3> = depths.iter().map(|&z| start - toward * z).collect();
     points.push(point);
     let mut work = Work::default();

@@ -19,6 +19,7 @@ mod picture;
 mod shading;
 mod traversal;
 mod visible_points;
+mod voxel_access;
 
 pub use curve::OpticalDepthCurve;
 pub use eye_samples::{EyeRay, EyeSample};
@@ -28,7 +29,6 @@ pub use visible_points::VisiblePoint;
 use crate::scene::Light;
 use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{DirectionMoments, Volume};
-use crate::with_voxels;
 use blocks::{Blocks, Labelled};
 use glam::DVec3;
 use gradient::{Factor, GradientLaws};
@@ -38,6 +38,7 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use traversal::{Ray, RayPiece, VoxelGrid};
+use voxel_access::with_access;
 
 /// Optical depth at which transmittance is negligible beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;
@@ -73,9 +74,7 @@ impl<'a> ExactField<'a> {
             })
             .collect();
         let labels = labelled(volume, &functions);
-        let blocks = with_voxels!(volume.voxels(), array => {
-            Blocks::new(contiguous(array), volume.dims(), volume.scaling(), &laws, labels)
-        });
+        let blocks = Blocks::new(volume, &laws, labels);
         let index_from_world = volume.index_from_world().matrix3;
         let opacity = transfer_function.gradient_opacity.as_ref();
         let gradient =
@@ -204,14 +203,11 @@ impl<'a> ExactField<'a> {
         visit: impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
     ) {
         let Some(ray) = self.ray(origin, direction, length_mm) else { return };
-        let dims = self.volume.dims();
-        with_voxels!(self.volume.voxels(), array => {
-            let (voxels, scaling) = (contiguous(array), self.volume.scaling());
-            let labels = labelled(self.volume, &self.functions);
-            let gradient = self.gradient.as_ref();
-            let grid = VoxelGrid { voxels, dims, scaling, blocks: &self.blocks, labels, gradient };
-            grid.traverse(&self.laws, &ray, visit)
-        });
+        let (dims, scaling) = (self.volume.dims(), self.volume.scaling());
+        let labels = labelled(self.volume, &self.functions);
+        let gradient = self.gradient.as_ref();
+        let grid = VoxelGrid { dims, scaling, blocks: &self.blocks, labels, gradient };
+        with_access!(self.volume, voxels => grid.traverse(voxels, &self.laws, &ray, visit));
     }
 }
 

@@ -7,10 +7,10 @@
 //! Strands are shaded by their directions (Kajiya and Kay 1989, *Rendering fur with three dimensional textures*: the
 //! diffuse and the specular component of a thin cylinder).
 
-use super::{ExactField, contiguous};
+use super::ExactField;
+use super::voxel_access::{VoxelAccess, with_access};
 use crate::scene::{Light, Scene, Shading};
 use crate::volume::Voxel;
-use crate::with_voxels;
 use glam::{DMat3, DVec3};
 
 /// Strength of the specular highlight of `blinn-phong` and `kajiya-kay` shading.
@@ -25,10 +25,9 @@ impl ExactField<'_> {
         let p = to_index.transform_point3(x);
         let dims = self.volume.dims();
         let scaling = self.volume.scaling();
-        let along = with_voxels!(self.volume.voxels(), array => {
-            let voxels = contiguous(array);
-            DVec3::AXES.map(|axis| stored_at(voxels, dims, p + 0.5 * axis) - stored_at(voxels, dims, p - 0.5 * axis))
-        });
+        let along = with_access!(self.volume, voxels => DVec3::AXES.map(|axis| {
+            stored_at(voxels, dims, p + 0.5 * axis) - stored_at(voxels, dims, p - 0.5 * axis)
+        }));
         // With index = M world, the gradient in world is the transpose of M times that in index space.
         to_index.matrix3.transpose() * (DVec3::from_array(along) * scaling.slope)
     }
@@ -89,19 +88,24 @@ fn strand_factor(mean: &DMat3, l: DVec3, e: DVec3) -> f64 {
 
 /// Returns the stored voxel value at an index position by trilinear interpolation, clamped at the edge. It
 /// interpolates with differences, so that equal voxels give exactly their value.
-fn stored_at<V: Voxel>(voxels: &[V], dims: [usize; 3], at: DVec3) -> f64 {
+fn stored_at(voxels: &mut impl VoxelAccess, dims: [usize; 3], at: DVec3) -> f64 {
     let along = |axis: usize| {
         let last = dims[axis] - 1;
         let p = at[axis].clamp(0.0, last as f64);
         let low = (p as usize).min(last);
-        ([low, (low + 1).min(last)], p - low as f64)
+        (low, p - low as f64)
     };
-    let (([i0, i1], x), ([j0, j1], y), ([k0, k1], z)) = (along(0), along(1), along(2));
-    let value = |i: usize, j: usize, k: usize| voxels[i + dims[0] * (j + dims[1] * k)].to_f64();
+    let ((i, x), (j, y), (k, z)) = (along(0), along(1), along(2));
+    let strides = [1, dims[0], dims[0] * dims[1]];
+    let offset = std::array::from_fn(|axis| {
+        let low = [i, j, k][axis];
+        [low, (low + 1).min(dims[axis] - 1)].map(|n| n * strides[axis])
+    });
+    let corner = voxels.corners([i, j, k].map(|n| n as i64), &offset).map(|v| v.to_f64());
     let mix = |a: f64, b: f64, w: f64| a + (b - a) * w;
-    let row = |j, k| mix(value(i0, j, k), value(i1, j, k), x);
-    let slice = |k| mix(row(j0, k), row(j1, k), y);
-    mix(slice(k0), slice(k1), z)
+    let row = |jk: usize| mix(corner[2 * jk], corner[2 * jk + 1], x);
+    let slice = |k: usize| mix(row(2 * k), row(2 * k + 1), y);
+    mix(slice(0), slice(1), z)
 }
 
 #[cfg(test)]

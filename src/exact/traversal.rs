@@ -6,6 +6,7 @@ use super::cell::CellChord;
 use super::cubic::Cubic;
 use super::gradient::{Factor, GradientLaws};
 use super::law::{Law, Laws};
+use super::voxel_access::VoxelAccess;
 use crate::volume::{Scaling, Voxel};
 use glam::DVec3;
 use std::ops::ControlFlow;
@@ -66,10 +67,9 @@ pub(super) struct RayPiece {
     pub value: Cubic,
 }
 
-/// Voxels of a volume with their labels, and the blocks of cells that rays may skip.
+/// Grid of voxels with their labels, and the blocks of cells that rays may skip.
 #[derive(Clone, Copy)]
-pub(super) struct VoxelGrid<'a, V> {
-    pub voxels: &'a [V],
+pub(super) struct VoxelGrid<'a> {
     pub dims: [usize; 3],
     pub scaling: Scaling,
     pub blocks: &'a Blocks,
@@ -77,12 +77,13 @@ pub(super) struct VoxelGrid<'a, V> {
     pub gradient: Option<&'a GradientLaws>,
 }
 
-impl<V: Voxel> VoxelGrid<'_, V> {
+impl VoxelGrid<'_> {
     /// Calls `visit` with every interval of the ray that has extinction, in order, until `visit` returns `Break`. Its
     /// second argument is the factor of the gradient opacity along the interval; `None` if it is 1.
     #[inline]
     pub fn traverse(
         &self,
+        voxels: &mut impl VoxelAccess,
         laws: &[Laws],
         ray: &Ray,
         mut visit: impl FnMut(RayPiece, Option<&Factor>) -> ControlFlow<()>,
@@ -97,9 +98,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
             }
             let (start, end) = cell.advance();
             if end > start {
-                let at = &cell.offset;
-                let corner: [V; 8] =
-                    std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
+                let corner = voxels.corners(cell.cell, &cell.offset);
                 let flow = match self.labels {
                     None => self.visit(&cell, (0, &laws[0]), &corner, [start, end], &mut visit),
                     Some(labels) => {
@@ -118,7 +117,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
 
     /// Calls `visit` with the ray intervals in a volume cell that is split halfway between voxels of different
     /// segmentation labels.
-    fn visit_labelled(
+    fn visit_labelled<V: Voxel>(
         &self,
         cell: &CellTraversal<'_>,
         laws: &[Laws],
@@ -143,7 +142,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
 
     /// Calls `visit` with the ray intervals in a volume cell to which a single transfer function applies.
     #[inline]
-    fn visit(
+    fn visit<V: Voxel>(
         &self,
         cell: &CellTraversal<'_>,
         (function, laws): (usize, &Laws),
@@ -170,7 +169,7 @@ impl<V: Voxel> VoxelGrid<'_, V> {
     /// Returns the smallest and largest value at the corners of a volume cell, after the mapping from stored to
     /// physical values.
     #[inline]
-    fn range(&self, corner: &[V; 8]) -> (f64, f64) {
+    fn range<V: Voxel>(&self, corner: &[V; 8]) -> (f64, f64) {
         let (mut min, mut max) = (corner[0], corner[0]);
         for &v in &corner[1..] {
             min = if v < min { v } else { min };

@@ -134,7 +134,7 @@ impl<'a> EmptyBricks<'a> {
     pub fn gap(&self, brick: usize, rank: usize) -> Option<(usize, f64)> {
         let is_empty =
             self.active.distance[brick] > 0 && !is_clipped(brick, self.bricks.counts, &self.planes);
-        let value = self.bricks.min[brick];
+        let [value, _] = self.bricks.range(brick);
         let own = self.classes.iter().find(|(ranks, _)| self.labels.is_none() || ranks.has(rank));
         let below = |(_, intervals): &(_, Vec<[f64; 2]>)| intervals.partition_point(|[_, hi]| *hi < value);
         is_empty.then(|| (own.map_or(0, below), value))
@@ -170,13 +170,14 @@ impl ActiveBricks {
         let parts = rows.map(|(row, line)| {
             let first = row * nx;
             for (ranks, intervals) in &classes {
-                let ranges = bricks.min[first..][..nx].iter().zip(&bricks.max[first..][..nx]);
-                for ((x, d), (min, max)) in line.iter_mut().enumerate().zip(ranges) {
+                let mut places = line.iter_mut().enumerate();
+                bricks.for_ranges(first..first + nx, |[min, max]| {
+                    let Some((x, distance)) = places.next() else { return };
                     let occurs = || bricks.labels.as_ref().is_none_or(|l| l.sets[first + x].meets(ranks));
-                    if overlaps(intervals, *min, *max) && occurs() {
-                        *d = 0;
+                    if overlaps(intervals, min, max) && occurs() {
+                        *distance = 0;
                     }
-                }
+                });
             }
             if !planes.is_empty() {
                 let kept = |x: usize| !is_clipped(first + x, bricks.counts, &planes);

@@ -133,7 +133,10 @@ impl DeviceVolume {
         };
         let pages: Vec<Page> = contents.iter().enumerate().map(page).collect();
         let mut pool = pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = pool.take().and_then(|pool| Some((pool.store(gpu, volume, &pages)?, pool)));
+        let known = match pool.take() {
+            Some(pool) => pool.store(gpu, volume, &pages)?.map(|slots| (slots, pool)),
+            None => None,
+        };
         let (slots, current) = match known {
             Some(found) => found,
             None => self.new_pool(gpu, volume, &pages)?,
@@ -166,7 +169,7 @@ impl DeviceVolume {
             let made = without_errors(gpu, || PagePool::new(gpu, volume, self.packing, slots))?;
             if let Some(pool) = made.flatten()
                 && pool.len() <= most
-                && let Some(slots) = pool.store(gpu, volume, pages)
+                && let Some(slots) = pool.store(gpu, volume, pages)?
             {
                 gpu.wait_for(gpu.submit([]))?;
                 return Ok((slots, Arc::new(pool)));
@@ -206,12 +209,15 @@ fn whole_textures(gpu: &Gpu, volume: &Volume, packing: &TexelPacking) -> Result<
         (values, labels)
     })?;
     let Some((values, labels)) = made else { return Ok(None) };
-    with_voxels!(volume.voxels(), a => {
-        let slices = a.as_slice().unwrap_or_default().chunks(dims[0] * dims[1]);
-        write_slices(gpu, &values, slices, |slice, bytes| packing.append(slice.iter().copied(), bytes));
-    });
+    for slab in volume.slabs(0, 1) {
+        let (range, block) = slab?;
+        with_voxels!(block.voxels(), a => {
+            let slices = range.zip(a.as_slice().unwrap_or_default().chunks(dims[0] * dims[1]));
+            write_slices(gpu, &values, slices, |slice, bytes| packing.append(slice.iter().copied(), bytes));
+        });
+    }
     if let (Some(texture), Some(labels)) = (&labels, volume.labels()) {
-        let slices = labels.ranks().chunks(dims[0] * dims[1]);
+        let slices = (0..dims[2]).zip(labels.ranks().chunks(dims[0] * dims[1]));
         write_slices(gpu, texture, slices, |slice, bytes| bytes.extend_from_slice(slice));
     }
     gpu.wait_for(gpu.submit([]))?;
@@ -219,15 +225,15 @@ fn whole_textures(gpu: &Gpu, volume: &Volume, packing: &TexelPacking) -> Result<
     Ok(Some(VolumeTextures { values: view(&values), labels: labels.as_ref().map(view), pages: None }))
 }
 
-/// Writes a 3-D texture slice by slice. `append` appends the texels of a slice.
+/// Writes slices of a 3-D texture, each at its index. `append` appends the texels of a slice.
 fn write_slices<'a, T: 'a>(
     gpu: &Gpu,
     texture: &wgpu::Texture,
-    slices: impl Iterator<Item = &'a [T]>,
+    slices: impl Iterator<Item = (usize, &'a [T])>,
     append: impl Fn(&'a [T], &mut Vec<u8>),
 ) {
     let mut texels = Vec::<u8>::new();
-    for (k, slice) in slices.enumerate() {
+    for (k, slice) in slices {
         texels.clear();
         append(slice, &mut texels);
         write_texels(gpu, texture, [0, 0, k as u32], [texture.width(), texture.height(), 1], &texels);

@@ -2,8 +2,9 @@
 
 use super::pages::{PAGE_VOXELS, PageGrid, SlotGrid};
 use super::texel_packing::TexelPacking;
+use crate::error::Result;
 use crate::gpu::{Gpu, solid_texture, write_texels};
-use crate::volume::{Volume, Voxels};
+use crate::volume::{Element, Labels, Volume, VoxelBlock};
 use crate::with_voxels;
 use itertools::Itertools as _;
 use rayon::prelude::*;
@@ -13,6 +14,9 @@ use wgpu::TextureFormat;
 
 /// Number of pages that are packed and submitted together, which limits the memory of pending copies.
 const PAGES_AT_ONCE: usize = 64;
+
+/// Sides of a page in texels, the bytes of its values, and its labels.
+type PackedPage = ([u32; 3], Vec<u8>, Option<Vec<u8>>);
 
 /// Contents of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -75,18 +79,22 @@ impl PagePool {
 
     /// Stores the pages that are missing, and returns the slots of all of them in their order; `None` if the slots that
     /// are left do not suffice.
-    pub fn store(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Option<Vec<usize>> {
+    ///
+    /// # Errors
+    /// Voxels that are read in parts cannot be read.
+    pub fn store(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<Option<Vec<usize>>> {
         let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
         let missing = pages.iter().filter(|page| !stored.contains_key(page));
         let missing: Vec<Page> = missing.copied().unique().collect();
         if stored.len() + missing.len() > self.slots.len() {
-            return None;
+            return Ok(None);
         }
         let first = stored.len();
         let new: Vec<(Page, usize)> = missing.into_iter().zip(first..).collect();
         for some in new.chunks(PAGES_AT_ONCE) {
-            let packed: Vec<_> = some.par_iter().map(|(page, _)| self.packed(volume, *page)).collect();
-            for ((_, slot), (sides, values, labels)) in some.iter().zip(packed) {
+            let rows = some.par_chunk_by(|(a, _), (b, _)| self.row_of(*a) == self.row_of(*b));
+            let packed: Vec<_> = rows.map(|row| self.packed_row(volume, row)).collect::<Result<_>>()?;
+            for ((_, slot), (sides, values, labels)) in some.iter().zip(packed.into_iter().flatten()) {
                 let origin = self.slots.first_texel(*slot);
                 write_texels(gpu, &self.values, origin, sides, &values);
                 let labels = self.labels.as_ref().zip(labels);
@@ -95,11 +103,31 @@ impl PagePool {
             gpu.submit([]);
         }
         stored.extend(new);
-        Some(pages.iter().filter_map(|page| stored.get(page).copied()).collect())
+        Ok(Some(pages.iter().filter_map(|page| stored.get(page).copied()).collect()))
     }
 
-    /// Returns the sides of a page in texels, the bytes of its values, and its labels.
-    fn packed(&self, volume: &Volume, page: Page) -> ([u32; 3], Vec<u8>, Option<Vec<u8>>) {
+    /// Returns the row along x that a page lies in; `None` for one of a constant value.
+    fn row_of(&self, page: Page) -> Option<usize> {
+        match page {
+            Page::Voxels(number) => Some(number / self.grid.counts[0]),
+            Page::Constant { .. } => None,
+        }
+    }
+
+    /// Packs pages that lie in one row along x, which are read together.
+    fn packed_row(&self, volume: &Volume, row: &[(Page, usize)]) -> Result<Vec<PackedPage>> {
+        let ranges = row.iter().filter_map(|(page, _)| match page {
+            Page::Voxels(number) => Some(self.grid.voxels(*number)),
+            Page::Constant { .. } => None,
+        });
+        let together = ranges
+            .reduce(|a, b| [a[0].start.min(b[0].start)..a[0].end.max(b[0].end), b[1].clone(), b[2].clone()]);
+        let block = together.map(|range| volume.block(&range)).transpose()?;
+        Ok(row.par_iter().map(|(page, _)| self.packed(volume, block.as_ref(), *page)).collect())
+    }
+
+    /// Packs a page, from a block with its voxels.
+    fn packed(&self, volume: &Volume, block: Option<&VoxelBlock<'_>>, page: Page) -> PackedPage {
         let (mut values, labels) = (Vec::new(), volume.labels());
         let number = match page {
             Page::Voxels(number) => number,
@@ -107,7 +135,7 @@ impl PagePool {
                 let texels = PAGE_VOXELS.pow(3);
                 let stored = volume.scaling().invert(f64::from_bits(value_bits));
                 // Integers have been scaled and back.
-                let is_whole = matches!(volume.voxels(), Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_));
+                let is_whole = !matches!(volume.element(), Element::F32 | Element::F64);
                 let stored = if is_whole { stored.round() } else { stored };
                 self.packing.append(std::iter::repeat_n(stored, texels), &mut values);
                 return ([PAGE_VOXELS as u32; 3], values, labels.map(|_| vec![rank; texels]));
@@ -116,13 +144,18 @@ impl PagePool {
         let voxels = self.grid.voxels(number);
         let [nx, ny, _] = volume.dims();
         let [x, y, z] = voxels.clone();
-        let starts = z.flat_map(|k| y.clone().map(move |j| (k * ny + j) * nx + x.start));
-        let rows = starts.map(|start| start..start + x.len());
-        with_voxels!(volume.voxels(), a => {
-            let all = a.as_slice().unwrap_or_default();
-            rows.clone().for_each(|row| self.packing.append(all[row].iter().copied(), &mut values));
-        });
-        let labels = labels.map(|labels| rows.flat_map(|row| &labels.ranks()[row]).copied().collect());
+        let rows = z.flat_map(|k| y.clone().map(move |j| [x.start, j, k]));
+        if let Some(block) = block {
+            with_voxels!(block.voxels(), a => {
+                let all = a.as_slice().unwrap_or_default();
+                let row_of = |first| all[block.place(first)..][..x.len()].iter().copied();
+                rows.clone().for_each(|first| self.packing.append(row_of(first), &mut values));
+            });
+        }
+        let ranks_of = |labels: &Labels, [i, j, k]: [usize; 3]| {
+            labels.ranks()[(k * ny + j) * nx + i..][..x.len()].to_vec()
+        };
+        let labels = labels.map(|labels| rows.flat_map(|first| ranks_of(labels, first)).collect());
         (voxels.map(|range| range.len() as u32), values, labels)
     }
 

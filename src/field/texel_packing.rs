@@ -1,7 +1,7 @@
 //! Storage of voxel values as texels, without loss for integers of 8 and 16 bits and for 32-bit floats.
 
 use crate::transfer::TexelMapping;
-use crate::volume::{Volume, Voxel, Voxels};
+use crate::volume::{Element, Volume, Voxel};
 use half::f16;
 use wgpu::TextureFormat;
 
@@ -32,29 +32,29 @@ impl TexelPacking {
         let sign = volume.scaling().slope.signum();
         let single =
             Self { format: TextureFormat::R32Float, center: 0.0, per_stored: sign, whole_offset: 0.0 };
-        match volume.voxels() {
-            Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) if hi - lo <= 4096.0 => {
-                Self { format: TextureFormat::R16Float, center: (0.5 * (lo + hi)).floor(), ..single }
-            }
-            Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => single,
-            Voxels::F32(_) => {
+        match volume.element() {
+            Element::F32 => {
                 let largest = lo.abs().max(hi.abs());
                 let exponent = if largest > 0.0 { largest.log2().ceil() } else { 0.0 };
                 Self { per_stored: sign * (-exponent).exp2(), ..single }
             }
-            Voxels::F64(_) => {
+            Element::F64 => {
                 let span = if hi > lo { hi - lo } else { 1.0 };
                 Self { center: lo, per_stored: sign / span, ..single }
             }
+            _ if hi - lo <= 4096.0 => {
+                Self { format: TextureFormat::R16Float, center: (0.5 * (lo + hi)).floor(), ..single }
+            }
+            _ => single,
         }
     }
 
     /// Returns the storage of the same texel values in the fewest bytes, for shaders that filter themselves.
     #[must_use]
     pub fn compact(self, volume: &Volume) -> Self {
-        let whole_offset = match volume.voxels() {
-            Voxels::U16(_) => 0.0,
-            Voxels::I16(_) => SIGNED_OFFSET,
+        let whole_offset = match volume.element() {
+            Element::U16 => 0.0,
+            Element::I16 => SIGNED_OFFSET,
             _ => return self,
         };
         match self.format {
@@ -103,7 +103,7 @@ impl TexelPacking {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling};
+    use crate::volume::{Provenance, Scaling, Voxels};
     use glam::DAffine3;
     use ndarray::Array3;
 
@@ -123,7 +123,7 @@ mod tests {
             let words = floats.compact(&volume);
             assert_eq!((floats.format, words.format), (TextureFormat::R32Float, TextureFormat::R16Uint));
             let [sign, offset] = words.of_words();
-            crate::with_voxels!(volume.voxels(), a => for v in a.iter() {
+            crate::with_voxels!(volume.resident().unwrap(), a => for v in a.iter() {
                 let mut bytes = Vec::new();
                 words.append(std::iter::once(*v), &mut bytes);
                 let word = u16::from_le_bytes(bytes.try_into().unwrap());

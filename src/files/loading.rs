@@ -3,9 +3,10 @@
 //! The waiting thread shares a [`Loading`] with the readers. They report their stage and the finished fraction, and
 //! regularly check whether the reading was cancelled. A cancelled reading soon returns an error.
 
-use super::memory_budget::MemoryBudget;
+use super::memory_budget::{MemoryBudget, grid_bytes};
 use crate::error::{Error, Result};
 use std::io::{self, Read, Seek, SeekFrom};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -70,7 +71,17 @@ pub struct Loading {
 struct State {
     progress: ReadingProgress,
     budget: Option<MemoryBudget>,
+    host: HostLimit,
     reduced: Option<Reduced>,
+}
+
+/// Limit on host memory for the voxels of a volume.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct HostLimit {
+    /// Number of bytes; volumes with more voxels are read in parts. `None` reads no volume in parts.
+    pub bytes: Option<u64>,
+    /// Folder for the voxels of compressed files that exceed the limit; `None` refuses them.
+    pub scratch: Option<PathBuf>,
 }
 
 /// Downsampling that a reader has applied to the voxels of a volume.
@@ -126,6 +137,25 @@ impl Loading {
         let factors = state.budget.map(|budget| budget.factors(dims, voxel_bytes)).transpose()?;
         state.reduced = factors.map(|factors| Reduced { from: dims, factors });
         Ok(factors)
+    }
+
+    /// Sets the limit on host memory for voxels.
+    pub fn limit_host(&self, limit: HostLimit) {
+        self.lock().host = limit;
+    }
+
+    /// Returns the limit on host memory, in bytes, for a reader that must read a volume in parts; `None` if all of its
+    /// voxels fit, or if it is downsampled while it is read.
+    pub fn limit_for_parts(&self, dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
+        let state = self.lock();
+        let limit = state.host.bytes.filter(|_| state.budget.is_none())?;
+        let fits = grid_bytes(dims, voxel_bytes).is_some_and(|bytes| bytes <= limit);
+        (!fits).then_some(limit)
+    }
+
+    /// Returns the folder for the voxels of compressed files that exceed host memory.
+    pub fn scratch(&self) -> Option<PathBuf> {
+        self.lock().host.scratch.clone()
     }
 
     /// Returns the downsampling that a reader has applied, if any, and clears it; the next call returns `None`.

@@ -60,7 +60,8 @@ impl MemoryBudget {
     }
 }
 
-fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
+/// Returns the size of a grid of voxels in bytes; `None` on overflow.
+pub fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
     dims.iter().try_fold(voxel_bytes, |bytes, n| bytes.checked_mul(*n as u64))
 }
 
@@ -116,6 +117,11 @@ pub fn host_bytes() -> Option<u64> {
     memory_info("MemTotal:")
 }
 
+/// Largest memory of this process so far, bytes; `None` where the system does not report it (only Linux is supported).
+pub fn peak_bytes() -> Option<u64> {
+    number_after(Path::new("/proc/self/status"), "VmHWM:")?.checked_mul(1 << 10)
+}
+
 fn memory_info(name: &str) -> Option<u64> {
     number_after(Path::new("/proc/meminfo"), name)?.checked_mul(1 << 10)
 }
@@ -142,7 +148,7 @@ fn refuse_beyond(bytes: Option<u64>, free: Option<u64>) -> Result<(), String> {
         Some(free) if bytes as f64 > free => {
             let [bytes, free] = [bytes as f64, free].map(|bytes| bytes / f64::from(1 << 30));
             Err(format!(
-                "its voxels need {bytes:.1} GiB, and {free:.1} GiB of memory are free for them (--downsample reduces them)"
+                "its voxels need {bytes:.1} GiB, and {free:.1} GiB of memory are free for them (--downsample reduces them, --host-memory reads most formats in parts)"
             ))
         }
         _ => Ok(()),

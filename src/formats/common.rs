@@ -2,7 +2,7 @@
 //! affines.
 
 use crate::error::{Error, Result};
-use crate::volume::{Element, Voxels};
+use crate::volume::{Element, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Component, Path, PathBuf};
 
@@ -75,13 +75,12 @@ pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, is_lps: bool) -> DAf
     if is_lps { DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * affine } else { affine }
 }
 
-/// Returns a warning if 64-bit integer voxels were rounded by the conversion to `f64`.
-pub(super) fn inexact_integers(voxels: &Voxels, element: Element) -> Option<String> {
+/// Adds a warning to a volume whose 64-bit integers were rounded by the conversion to `f64`.
+pub(super) fn with_integer_warning(mut volume: Volume, element: Element) -> Volume {
     let limit = (1u64 << f64::MANTISSA_DIGITS) as f64;
-    match (voxels, element) {
-        (Voxels::F64(a), Element::I64 | Element::U64) if a.iter().any(|v| v.abs() > limit) => {
-            Some("integers beyond 2^53 were rounded to 53 bits".into())
-        }
-        _ => None,
+    let is_rounded = volume.stored_range().iter().any(|v| v.abs() > limit);
+    if is_rounded && matches!(element, Element::I64 | Element::U64) {
+        volume.provenance.warnings.push("integers beyond 2^53 were rounded to 53 bits".into());
     }
+    volume
 }

@@ -8,7 +8,7 @@ use crate::files::loading::Loading;
 use crate::files::memory_budget;
 use crate::volume::element::grid_bytes;
 use crate::volume::read::{ReadFailure, read_voxels};
-use crate::volume::{ByteOrder, Voxels};
+use crate::volume::{ByteOrder, VoxelStorage, Voxels};
 use std::io::{self, Read, Take};
 use std::path::{Path, PathBuf};
 
@@ -41,11 +41,11 @@ pub(super) struct DataFiles {
 }
 
 impl DataFiles {
-    /// Reads the voxels of one frame (such as a time point) of a volume from its data files.
+    /// Opens the voxels of one frame (such as a time point) of a volume in its data files.
     ///
     /// # Errors
     /// A data file cannot be read, or holds fewer voxels than its header claims.
-    pub(super) fn read(&self, block: &Block, frames: usize, loading: &Loading) -> Result<Voxels> {
+    pub(super) fn open(&self, block: &Block, frames: usize, loading: &Loading) -> Result<VoxelStorage> {
         let path = &self.paths[0];
         let refuse = refusal(path);
         let compression = match self.encoding {
@@ -62,9 +62,10 @@ impl DataFiles {
         };
         if self.paths.len() > 1 {
             return match (self.encoding, offset) {
-                (Encoding::Raw | Encoding::Deflate, Some(skip)) => {
-                    self.read_split(compression, skip, block, frames, loading).map_err(refuse)
-                }
+                (Encoding::Raw | Encoding::Deflate, Some(skip)) => self
+                    .read_split(compression, skip, block, frames, loading)
+                    .map(VoxelStorage::from)
+                    .map_err(refuse),
                 _ => Err(refuse(
                     "text, or voxels at the end of a file, in several files is not supported".into(),
                 )),
@@ -72,7 +73,7 @@ impl DataFiles {
         }
         let mut source = Source::open_at(path, start, compression, loading)?;
         if self.encoding == Encoding::Text {
-            return read_text(&mut source, block).map_err(refuse);
+            return read_text(&mut source, block).map(VoxelStorage::from).map_err(refuse);
         }
         let from_end = || {
             let all = block.bytes()?.checked_mul(frames as u64)?;
@@ -81,7 +82,7 @@ impl DataFiles {
         let offset = offset.or_else(from_end);
         let offset =
             offset.ok_or_else(|| refuse("it is shorter than the voxels that its header claims".into()))?;
-        Block { offset, ..*block }.read(&mut source, 0).map_err(refuse)
+        Block { offset, ..*block }.open(&mut source, 0).map_err(refuse)
     }
 
     /// Reads the voxels of one frame (such as a time point) of a volume, which may span several data files.

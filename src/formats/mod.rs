@@ -7,6 +7,7 @@ mod assembly;
 mod common;
 mod data_files;
 pub mod dicom;
+mod file_voxels;
 mod head;
 pub mod metaimage;
 pub mod nifti;

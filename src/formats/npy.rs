@@ -4,13 +4,13 @@
 //! damaged file claims. Its header parser `py_literal` takes seconds for nested brackets of a damaged file. Source:
 //! NumPy's `numpy.lib.format`, "NPY format".
 
-use super::common::{frame_warning, inexact_integers, refusal};
+use super::common::{frame_warning, refusal, with_integer_warning};
 use super::head::Head;
 use super::raw_layout::Sidecar;
 use super::source::{Block, Source};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volume};
+use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volume, VoxelStorage};
 use glam::{DAffine3, DVec3};
 use std::io::Read;
 use std::path::Path;
@@ -73,12 +73,12 @@ pub fn read_with(
     }
     let block = Block { dims: [nx, ny, nz], element, byte_order, offset: header_bytes, frame };
     // In Fortran order the first axis runs fastest.
-    let voxels = match is_fortran {
-        true => block.read_transposed(&mut source, header_bytes),
-        false => block.read(&mut source, header_bytes),
+    let storage = match is_fortran {
+        true => block.read_transposed(&mut source, header_bytes).map(VoxelStorage::from),
+        false => block.open(&mut source, header_bytes),
     };
-    let voxels = voxels.map_err(refuse)?;
-    let mut warnings: Vec<String> = inexact_integers(&voxels, element).into_iter().collect();
+    let storage = storage.map_err(refuse)?;
+    let mut warnings = Vec::new();
     // A sidecar may describe another file, or an earlier version of the array.
     let describes =
         |s: &Sidecar| s.raw_layout().is_ok_and(|l| l.dims == [nx, ny, nz] && l.element == element);
@@ -103,7 +103,8 @@ pub fn read_with(
         warnings,
         ..Provenance::new(path.display().to_string(), "npy", block.stored_type())
     };
-    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
+    let volume = Volume::from_storage(storage, scaling, world_from_index, provenance, loading)?;
+    Ok(with_integer_warning(volume, element))
 }
 
 /// Reads the header of an `.npy` file and returns it with its size in bytes.

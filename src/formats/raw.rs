@@ -67,7 +67,7 @@ pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volum
     if !data.is_compressed() && !is_exact {
         return Err(wrong_size(format!("{} bytes", data.max_bytes())));
     }
-    let voxels = block.read(&mut data, 0).map_err(refuse)?;
+    let storage = block.open(&mut data, 0).map_err(refuse)?;
     if data.trailing > 0 {
         return Err(wrong_size("more".into()));
     }
@@ -81,5 +81,5 @@ pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volum
     let scaling = sidecar.as_ref().map_or(Scaling::IDENTITY, Sidecar::scaling);
     let stored_type = block.stored_type();
     let provenance = Provenance { affine_source, warnings, ..Provenance::new(&source, "raw", stored_type) };
-    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
+    Volume::from_storage(storage, scaling, world_from_index, provenance, loading)
 }

@@ -1,15 +1,17 @@
 //! Input stream of a volume file, compressed or not, and the block of voxels to read from it.
 
+use super::file_voxels::FileVoxels;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::files::memory_budget;
 use crate::volume::element::grid_bytes;
 use crate::volume::read::{ReadFailure, read_transposed, read_voxels};
-use crate::volume::{ByteOrder, Element, Voxels};
+use crate::volume::{ByteOrder, Element, VoxelStorage, Voxels};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use tempfile::TempPath;
 
 /// Largest possible ratio of decompressed to compressed bytes of the deflate method.
 const DEFLATE_MAX_RATIO: u64 = 1032;
@@ -37,6 +39,9 @@ pub(super) struct Source<'a> {
     /// Number of bytes found after the voxels of a compressed volume file.
     pub(super) trailing: u64,
     loading: &'a Loading,
+    path: PathBuf,
+    /// Byte of the file at which the input stream starts.
+    start: u64,
 }
 
 impl<'a> Source<'a> {
@@ -76,7 +81,8 @@ impl<'a> Source<'a> {
             (_, true) => Stream::Compressed(Box::new(MultiGzDecoder::new(file))),
             (Compression::Deflate, false) => Stream::Compressed(Box::new(ZlibDecoder::new(file))),
         };
-        let source = Self { stream, file_bytes: metadata.len().saturating_sub(start), trailing: 0, loading };
+        let file_bytes = metadata.len().saturating_sub(start);
+        let source = Self { stream, file_bytes, trailing: 0, loading, path: path.into(), start };
         loading.begin(if source.is_compressed() { ReadingStage::Unpacking } else { ReadingStage::Reading });
         Ok(source)
     }
@@ -148,6 +154,39 @@ impl Block {
         })
     }
 
+    /// Prepares a block of voxels from the input stream of a volume file, which is at byte `position`. It reads them like
+    /// [`Self::read`] if they fit host memory. Otherwise they stay in the file, which is read in parts; a compressed file
+    /// is first decompressed into the scratch folder.
+    ///
+    /// # Errors
+    /// See [`Self::read`]; or a compressed file exceeds host memory, and there is no scratch folder.
+    pub(super) fn open(&self, data: &mut Source<'_>, position: u64) -> Result<VoxelStorage, String> {
+        let loading = data.loading;
+        let Some(host_bytes) = loading.limit_for_parts(self.dims, self.element.memory_bytes()) else {
+            return self.read(data, position).map(VoxelStorage::from);
+        };
+        let [start, end] = self.span(data)?;
+        let in_file = FileVoxels {
+            path: data.path.clone(),
+            offset: data.start + start,
+            dims: self.dims,
+            element: self.element,
+            byte_order: self.byte_order,
+            copy: None,
+        };
+        if !data.is_compressed() {
+            return Ok(VoxelStorage::in_parts(in_file, host_bytes));
+        }
+        let Some(folder) = loading.scratch() else {
+            let why = format!("it is compressed, and its voxels exceed {host_bytes} bytes of host memory");
+            return Err(format!("{why}: --scratch names a folder for {} bytes", end - start));
+        };
+        self.skip_to(data, start, position, end)?;
+        let copy = spool(data, &folder, end - start).map_err(|e| format!("{}: {e}", folder.display()))?;
+        let (path, copy) = (copy.to_path_buf(), Some(copy));
+        Ok(VoxelStorage::in_parts(FileVoxels { path, offset: 0, copy, ..in_file }, host_bytes))
+    }
+
     /// Reads a block of voxels from a volume file that stores them with z fastest. Does not downsample them; the
     /// caller does.
     ///
@@ -165,37 +204,16 @@ impl Block {
         position: u64,
         voxels: impl FnOnce(&mut Source<'a>, Option<[usize; 3]>) -> Result<Voxels, ReadFailure>,
     ) -> Result<Voxels, String> {
-        let [nx, ny, nz] = self.dims;
-        let claim = format!("{nx}x{ny}x{nz} {} from byte {} on", self.stored_type(), self.offset);
-        let frame_bytes = self.bytes();
-        let start = frame_bytes
-            .and_then(|bytes| bytes.checked_mul(self.frame as u64))
-            .and_then(|skipped| skipped.checked_add(self.offset));
-        let end = start.zip(frame_bytes).and_then(|(start, bytes)| start.checked_add(bytes));
-        let (Some(start), Some(end)) = (start, end) else {
-            return Err(format!("its header claims {claim}: more bytes than can be counted"));
-        };
-        let short =
-            |problem: String| format!("its header claims {claim}, {end} bytes in all, but it {problem}");
-        if end > data.max_bytes() {
-            let unit = if data.is_compressed() { " compressed bytes" } else { "" };
-            return Err(short(format!("holds {}{unit}", data.file_bytes)));
-        }
+        let [start, end] = self.span(data)?;
         let memory_bytes = self.element.memory_bytes();
         let factors = data.loading.factors_for(self.dims, memory_bytes)?;
         memory_budget::check_grid(
             factors.map_or(self.dims, |f| memory_budget::reduced_dims(self.dims, f)),
             memory_bytes,
         )?;
-        // Progress counts the bytes up to the end of the voxels.
-        if let Stream::Plain(file) = &mut data.stream {
-            file.get_mut().ends_at(end);
-        }
-        if start < position || data.skip(start - position).map_err(|e| e.to_string())? < start - position {
-            return Err(short(format!("ends before byte {start}")));
-        }
+        self.skip_to(data, start, position, end)?;
         let voxels = voxels(data, factors).map_err(|failure| match failure {
-            ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
+            ReadFailure::Short { got } => self.short(end, format!("ends after {}", start + got)),
             other => other.to_string(),
         })?;
         if data.is_compressed() {
@@ -203,5 +221,55 @@ impl Block {
             data.trailing = rest.map_err(|e| format!("damaged after the voxels: {e}"))?;
         }
         Ok(voxels)
+    }
+
+    /// Returns the first byte of the block in the decompressed stream, and its end.
+    ///
+    /// # Errors
+    /// The stream cannot hold as many bytes.
+    fn span(&self, data: &Source<'_>) -> Result<[u64; 2], String> {
+        let frame_bytes = self.bytes();
+        let start = frame_bytes
+            .and_then(|bytes| bytes.checked_mul(self.frame as u64))
+            .and_then(|skipped| skipped.checked_add(self.offset));
+        let end = start.zip(frame_bytes).and_then(|(start, bytes)| start.checked_add(bytes));
+        let (Some(start), Some(end)) = (start, end) else {
+            return Err(format!("its header claims {}: more bytes than can be counted", self.claim()));
+        };
+        if end > data.max_bytes() {
+            let unit = if data.is_compressed() { " compressed bytes" } else { "" };
+            return Err(self.short(end, format!("holds {}{unit}", data.file_bytes)));
+        }
+        Ok([start, end])
+    }
+
+    fn claim(&self) -> String {
+        let [nx, ny, nz] = self.dims;
+        format!("{nx}x{ny}x{nz} {} from byte {} on", self.stored_type(), self.offset)
+    }
+
+    fn short(&self, end: u64, problem: String) -> String {
+        format!("its header claims {}, {end} bytes in all, but it {problem}", self.claim())
+    }
+
+    /// Skips the stream, which is at byte `position`, to the start of the block.
+    fn skip_to(&self, data: &mut Source<'_>, start: u64, position: u64, end: u64) -> Result<(), String> {
+        // Progress counts the bytes up to the end of the voxels.
+        if let Stream::Plain(file) = &mut data.stream {
+            file.get_mut().ends_at(end);
+        }
+        if start < position || data.skip(start - position).map_err(|e| e.to_string())? < start - position {
+            return Err(self.short(end, format!("ends before byte {start}")));
+        }
+        Ok(())
+    }
+}
+
+/// Copies `bytes` bytes of a stream to a new file in a folder, which is removed with the returned path.
+fn spool(data: &mut Source<'_>, folder: &Path, bytes: u64) -> io::Result<TempPath> {
+    let mut file = tempfile::Builder::new().prefix("umbravox-").tempfile_in(folder)?;
+    match io::copy(&mut data.take(bytes), &mut file)? {
+        copied if copied == bytes => Ok(file.into_temp_path()),
+        copied => Err(io::Error::other(format!("the voxels end after {copied} of {bytes} bytes"))),
     }
 }

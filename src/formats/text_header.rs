@@ -1,7 +1,7 @@
 //! Volume formats with a header of text lines, with the voxels in one file or in others: the common code of NRRD and
 //! MetaImage.
 
-use super::common::{frame_warning, inexact_integers, numbers, refusal};
+use super::common::{frame_warning, numbers, refusal, with_integer_warning};
 use super::data_files::DataFiles;
 use super::source::{Block, Source};
 use crate::error::Result;
@@ -48,8 +48,7 @@ impl TextFormat {
             (self.description)(&fields).map_err(&refuse)?;
         warnings.splice(0..0, frame_warning(path, frame, frames)?);
         let data = (self.data)(&fields, path, header_bytes, is_gzipped).map_err(&refuse)?;
-        let voxels = data.read(&Block { frame, ..block }, frames, loading)?;
-        warnings.extend(inexact_integers(&voxels, block.element));
+        let storage = data.open(&Block { frame, ..block }, frames, loading)?;
         let (world_from_index, affine_source) = affine;
         let provenance = Provenance {
             affine_source,
@@ -59,7 +58,8 @@ impl TextFormat {
             warnings,
             ..Provenance::new(path.display().to_string(), self.name, block.stored_type())
         };
-        Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
+        let volume = Volume::from_storage(storage, scaling, world_from_index, provenance, loading)?;
+        Ok(with_integer_warning(volume, block.element))
     }
 
     /// Lists the header of an NRRD or MetaImage volume and the data files that it names.

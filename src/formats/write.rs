@@ -7,7 +7,8 @@ use super::nifti::write_nifti;
 use super::raw_layout::{RawLayout, Sidecar};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
-use crate::volume::{ByteOrder, Element, Scaling, Volume};
+use crate::volume::{ByteOrder, Element, Scaling, Volume, Voxel};
+use crate::with_voxels;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::DVec3;
@@ -35,7 +36,7 @@ pub fn write_volume(volume: &Volume, path: &Path) -> Result<()> {
 }
 
 /// Voxels to write to a volume file: the stored numbers, or their physical values converted to number type `scaled`.
-struct Numbers<'a> {
+pub(super) struct Numbers<'a> {
     volume: &'a Volume,
     scaled: Option<Element>,
 }
@@ -46,10 +47,10 @@ impl<'a> Numbers<'a> {
     fn values(volume: &'a Volume) -> Self {
         let scaling = volume.scaling();
         if scaling == Scaling::IDENTITY {
-            return Self { volume, scaled: None };
+            return Self::stored(volume);
         }
         let is_integer = |v: f64| v.fract() == 0.0;
-        let stores_floats = matches!(volume.voxels().element(), Element::F32 | Element::F64);
+        let stores_floats = matches!(volume.element(), Element::F32 | Element::F64);
         let [lo, hi] = volume.value_range();
         let within = |min: f64, max: f64| lo >= min && hi <= max;
         let integers = !stores_floats && is_integer(scaling.slope) && is_integer(scaling.intercept);
@@ -62,26 +63,45 @@ impl<'a> Numbers<'a> {
     }
 
     fn element(&self) -> Element {
-        self.scaled.unwrap_or_else(|| self.volume.voxels().element())
+        self.scaled.unwrap_or_else(|| self.volume.element())
+    }
+
+    /// Selects the stored numbers.
+    pub(super) fn stored(volume: &'a Volume) -> Self {
+        Self { volume, scaled: None }
     }
 
     /// Writes all voxels of a volume as little-endian numbers, x fastest.
-    fn write(&self, out: &mut (impl Write + ?Sized)) -> io::Result<()> {
-        let Some(element) = self.scaled else { return out.write_all(self.volume.voxels().bytes()) };
-        let [nx, ny, nz] = self.volume.dims();
-        let mut row = Vec::new();
-        for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
-            row.clear();
-            for value in (0..nx).map(|i| self.volume.value(i, j, k)) {
-                match element {
-                    Element::I16 => row.extend_from_slice(&(value as i16).to_le_bytes()),
-                    Element::I32 => row.extend_from_slice(&(value as i32).to_le_bytes()),
-                    _ => row.extend_from_slice(&value.to_le_bytes()),
-                }
+    pub(super) fn write(&self, out: &mut (impl Write + ?Sized)) -> io::Result<()> {
+        for slab in self.volume.slabs(0, 1) {
+            let (_, block) = slab.map_err(io::Error::other)?;
+            match self.scaled {
+                None => out.write_all(block.voxels().bytes())?,
+                Some(element) => with_voxels!(block.voxels(), a => {
+                    a.rows().into_iter().try_for_each(|row| self.write_scaled(row.iter().copied(), element, out))?;
+                }),
             }
-            out.write_all(&row)?;
         }
         Ok(())
+    }
+
+    /// Writes the physical values of a row of voxels as numbers of type `element`.
+    fn write_scaled<T: Voxel>(
+        &self,
+        row: impl Iterator<Item = T>,
+        element: Element,
+        out: &mut (impl Write + ?Sized),
+    ) -> io::Result<()> {
+        let scaling = self.volume.scaling();
+        let mut bytes = Vec::new();
+        for value in row.map(|v| scaling.apply(v.to_f64())) {
+            match element {
+                Element::I16 => bytes.extend_from_slice(&(value as i16).to_le_bytes()),
+                Element::I32 => bytes.extend_from_slice(&(value as i32).to_le_bytes()),
+                _ => bytes.extend_from_slice(&value.to_le_bytes()),
+            }
+        }
+        out.write_all(&bytes)
     }
 
     /// Creates the contents of the JSON sidecar file for the written voxels.
@@ -202,7 +222,7 @@ fn write_vti(volume: &Volume, path: &Path) -> Result<()> {
 
 /// Writes a raw volume file of the stored voxels, and its JSON sidecar file.
 fn write_raw(volume: &Volume, path: &Path) -> Result<()> {
-    let numbers = Numbers { volume, scaled: None };
+    let numbers = Numbers::stored(volume);
     write_with_sidecar(&numbers.sidecar(), path, |file| numbers.write(file))
 }
 

@@ -104,6 +104,7 @@ pub fn compare_within(
         result.failures.extend(time(job, &mut short, job.effort.short_repeats, journal, progress)?);
     }
     progress.end();
+    job.volume.check_reads()?;
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();
     if !budgets.is_empty() {

@@ -194,6 +194,7 @@ impl ExactView {
                 }
             }
         }
+        loaded.volume.check_reads()?;
         Ok(Some(ErrorMap { errors, stats: ErrorStats::of(weighted)? }))
     }
 }

@@ -7,7 +7,6 @@ use super::table::{OK, Row};
 use crate::gpu::Gpu;
 use crate::shadow::Method;
 use crate::volume::Volume;
-use crate::with_voxels;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Git commit that this program was built from, with `+changes` for modified sources, or `unknown` for a build
@@ -93,7 +92,9 @@ pub(super) fn row_key(job_key: u64, method: &dyn Method, slug: &str) -> String {
 
 fn hash_volume(volume: &Volume, hasher: &mut DefaultHasher) {
     format!("{:?} {:?} {:?}", volume.dims(), volume.scaling(), volume.index_from_world()).hash(hasher);
-    with_voxels!(volume.voxels(), a => {
-        hasher.write(bytemuck::cast_slice(a.as_slice().unwrap_or_default()));
-    });
+    match volume.resident() {
+        Some(voxels) => hasher.write(voxels.bytes()),
+        // Value ranges of all bricks tell volumes apart without reading all voxels again.
+        None => volume.bricks().range_bytes().into_iter().for_each(|bytes| hasher.write(bytes)),
+    }
 }

@@ -39,6 +39,7 @@ pub fn picture_errors(
         rows.push(row(job, &facts, method, (&visible, &mut references), progress).map_err(|e| e.at(name))?);
     }
     progress.end();
+    job.volume.check_reads()?;
     Ok(rows)
 }
 

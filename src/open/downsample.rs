@@ -7,7 +7,6 @@ use crate::files::loading::{Loading, Reduced};
 use crate::files::memory_budget::{MemoryBudget, free_bytes};
 use crate::gpu::texture_side;
 use crate::volume::{Downsample, Volume};
-use crate::with_voxels;
 
 /// Largest side of a 3-D texture that every WebGPU device supports, used if no adapter is found.
 const CORE_TEXTURE_SIDE: usize = 2048;
@@ -43,11 +42,7 @@ pub(super) fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &
     if let Some(Reduced { from, factors }) = loading.take_reduced() {
         return Ok(if factors == [1; 3] { volume } else { volume.downsampled_from(factors, from) });
     }
-    fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
-        size_of::<T>() as u64
-    }
-    let voxel_bytes = with_voxels!(volume.voxels(), a => bytes_each(a));
-    let factors = room.factors(volume.dims(), voxel_bytes);
+    let factors = room.factors(volume.dims(), volume.element().memory_bytes());
     let factors = factors.map_err(|why| Error::input("cannot downsample volume", "--downsample", why))?;
     volume.downsampled(factors, loading)
 }

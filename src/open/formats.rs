@@ -7,14 +7,14 @@ use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256_of_files;
-use crate::files::loading::Loading;
+use crate::files::loading::{HostLimit, Loading};
 use crate::formats::raw::RawFile;
 use crate::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack, vti, zarr};
 use crate::formats::{RawLayout, nifti, raw};
 use crate::phantom::Phantom;
 use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
-use crate::volume::{Crop, Downsample, Volume};
+use crate::volume::{ByteCount, Crop, Downsample, Volume};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 layer! {
 /// Command-line flags for reading a volume; a flag that is not given is `None`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct ReadFlags {
     /// Raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", help_heading = "Volume")]
@@ -52,6 +52,13 @@ pub struct ReadFlags {
     /// (=2GiB), or as many as the adapter's textures and free memory hold (=auto, or no value) [default: all voxels]
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
     pub downsample: Option<Downsample>,
+    /// Host memory for voxels: a larger volume is read in parts [default: all voxels are read]
+    #[arg(id = "host-memory", long, value_name = "BYTES", help_heading = "Volume")]
+    #[serde(rename = "host-memory")]
+    pub host_memory: Option<ByteCount>,
+    /// Folder for the decompressed voxels of compressed files that exceed host memory [default: none, such files are refused]
+    #[arg(long, value_name = "FOLDER", help_heading = "Volume")]
+    pub scratch: Option<PathBuf>,
     /// Command-line flags for voxelising strands.
     #[command(flatten)]
     #[serde(flatten)]
@@ -130,7 +137,8 @@ impl VolumeSpec {
 
     fn zarr_choice(&self) -> zarr::Choice {
         let ReadFlags { level, spacing, .. } = self.flags;
-        zarr::Choice { level, frame: self.frame(), spacing_mm: spacing }
+        let is_in_parts = self.flags.host_memory.is_some();
+        zarr::Choice { level, frame: self.frame(), is_in_parts, spacing_mm: spacing }
     }
 
     /// Whether the volume is made from strands, by voxelising them.
@@ -207,7 +215,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a built-in volume",
         usage: "phantom:NAME[:SIZE]",
         endings: &[],
-        flags: &["crop", "downsample"],
+        flags: &["crop", "downsample", "host-memory"],
         sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
             let (phantom, size) =
@@ -220,7 +228,7 @@ pub const FORMATS: &[Format] = &[
         kind: "raw voxels",
         usage: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
         endings: &["raw", "gz"],
-        flags: &["raw", "spacing", "offset", "crop", "downsample"],
+        flags: &["raw", "spacing", "offset", "crop", "downsample", "host-memory", "scratch"],
         sniff: |spec, head| {
             let raw = head.is_named(&["raw", "raw.gz"]);
             spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
@@ -232,7 +240,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a Zarr store",
         usage: "OME-Zarr (a folder, .zarr)",
         endings: zarr::EXTENSIONS,
-        flags: &["frame", "level", "spacing", "crop", "downsample"],
+        flags: &["frame", "level", "spacing", "crop", "downsample", "host-memory"],
         sniff: |_, head| zarr::is_zarr(head),
         read: |spec, loading| zarr::read_with(spec.path(), spec.zarr_choice(), loading).map(Read::from),
         files: |spec| zarr::files_of(spec.path(), spec.zarr_choice()),
@@ -252,7 +260,7 @@ pub const FORMATS: &[Format] = &[
         kind: "NRRD",
         usage: "NRRD (.nrrd, .nhdr)",
         endings: nrrd::EXTENSIONS,
-        flags: &["frame", "crop", "downsample"],
+        flags: &["frame", "crop", "downsample", "host-memory", "scratch"],
         sniff: |_, head| nrrd::is_nrrd(head),
         read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| nrrd::files_of(spec.path()),
@@ -261,7 +269,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a MetaImage",
         usage: "MetaImage (.mha, .mhd)",
         endings: metaimage::EXTENSIONS,
-        flags: &["frame", "crop", "downsample"],
+        flags: &["frame", "crop", "downsample", "host-memory", "scratch"],
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
@@ -290,7 +298,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a NumPy array",
         usage: "NumPy (.npy)",
         endings: npy::EXTENSIONS,
-        flags: &["frame", "spacing", "crop", "downsample"],
+        flags: &["frame", "spacing", "crop", "downsample", "host-memory", "scratch"],
         sniff: |_, head| npy::is_npy(head),
         read: |spec, loading| {
             npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -314,7 +322,7 @@ pub const FORMATS: &[Format] = &[
         kind: "read as NIfTI",
         usage: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
-        flags: &["frame", "crop", "downsample"],
+        flags: &["frame", "crop", "downsample", "host-memory", "scratch"],
         sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
@@ -351,6 +359,8 @@ impl VolumeSpec {
         loading.go_on(&self.source)?;
         let format = self.format();
         self.check_flags(format)?;
+        let (bytes, scratch) = (self.flags.host_memory.map(|limit| limit.0), self.flags.scratch.clone());
+        loading.limit_host(HostLimit { bytes, scratch });
         let room = self.flags.downsample.map(room_for);
         // Cropping needs all voxels: they are reduced afterwards.
         loading.reduce_to(room.filter(|_| self.flags.crop.is_none()));
@@ -369,7 +379,7 @@ impl VolumeSpec {
     /// Returns an error for a given command-line flag that does not apply to this volume format.
     fn check_flags(&self, format: &Format) -> Result<()> {
         // Every format has a first frame.
-        let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags };
+        let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags.clone() };
         let given = toml::Table::try_from(flags).unwrap_or_default();
         let Some(flag) = given.keys().find(|flag| !format.flags.contains(&flag.as_str())) else {
             return Ok(());

@@ -144,6 +144,7 @@ impl SceneSettings {
             let text = format!("gradient opacity {opacity}: no method states an error bound with it");
             diagnostics.push(Diagnostic::note(text));
         }
+        volume.check_reads()?;
         diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
         diagnostics.extend(chosen.into_iter().chain(notes).map(Diagnostic::note));
         let mesh = self.opaque.read(&mut diagnostics, loading)?;
@@ -154,7 +155,8 @@ impl SceneSettings {
 
     /// Whether two scenes' settings name the same volume and segmentation, with the same flags for reading them.
     pub fn reads_as(&self, other: &Self) -> bool {
-        let read = |s: &Self| (s.volume.clone(), s.read_flags, s.masking.labels.clone(), s.sha256.clone());
+        let read =
+            |s: &Self| (s.volume.clone(), s.read_flags.clone(), s.masking.labels.clone(), s.sha256.clone());
         read(self) == read(other)
     }
 

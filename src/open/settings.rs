@@ -165,14 +165,14 @@ fn one_or_list<S: Serializer>(
 impl SceneSettings {
     /// Creates the default scene settings for a volume specification.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
-        Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
+        Self { volume: Some(spec.source.clone()), read_flags: spec.flags.clone(), ..Self::default() }
     }
 
     /// Returns the specification of the scene's volume: its source, and the flags for reading it.
     pub fn spec(&self) -> VolumeSpec {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
-            flags: self.read_flags,
+            flags: self.read_flags.clone(),
         }
     }
 

@@ -5,7 +5,7 @@
 
 use crate::strands::STRANDS_FORMAT;
 use crate::transfer::TransferFunction;
-use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
+use crate::volume::{Element, ValueMeaning, Volume, Voxel, VoxelBlock};
 use crate::with_voxels;
 use serde::Serialize;
 
@@ -114,7 +114,7 @@ impl Meaning {
             let ValueSummary { air, soft, .. } = ValueSummary::of(volume);
             let percent = |share: f64| (100.0 * share).round();
             let is_dense = air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * near_air(low, high);
-            let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
+            let scaled_bytes = volume.element() == Element::U8 && volume.scaling().slope != 1.0;
             if air >= AIR_SHARE && is_dense {
                 (ValueKind::Hounsfield, format!("{} % of the voxels are air, about {AIR_HU}", percent(air)))
             } else if has_air && low >= PADDING_HU && soft >= SOFT_SHARE {
@@ -178,24 +178,42 @@ impl ValueSummary {
         let scaling = volume.scaling();
         let lowest_value = volume.value_range()[0];
         let [mut air, mut soft, mut lowest] = [0usize; 3];
-        let looked_at = with_voxels!(volume.voxels(), array => {
-            let values = array.as_slice().unwrap_or_default();
-            let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
-            // One voxel of each group, at varying positions: a constant stride could follow the rows.
-            let picked = values.chunks(stride).enumerate().map(|(i, group)| group[i.wrapping_mul(7919) % group.len()]);
-            let mut count = 0usize;
-            for value in picked.map(|v| scaling.apply(v.to_f64())) {
-                count += 1;
-                lowest += usize::from(value == lowest_value);
-                air += usize::from((value - AIR_HU).abs() <= AIR_WIDTH);
-                // A background of exactly 0 is no tissue.
-                soft += usize::from(value != 0.0 && (SOFT_HU[0]..=SOFT_HU[1]).contains(&value));
-            }
-            count
-        });
+        let mut looked_at = 0usize;
+        let mut look_at = |stored: f64| {
+            let value = scaling.apply(stored);
+            looked_at += 1;
+            lowest += usize::from(value == lowest_value);
+            air += usize::from((value - AIR_HU).abs() <= AIR_WIDTH);
+            // A background of exactly 0 is no tissue.
+            soft += usize::from(value != 0.0 && (SOFT_HU[0]..=SOFT_HU[1]).contains(&value));
+        };
+        for block in examined_blocks(volume) {
+            with_voxels!(block.voxels(), array => {
+                let values = array.as_slice().unwrap_or_default();
+                let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
+                // One voxel of each group, at varying positions: a constant stride could follow the rows.
+                let groups = values.chunks(stride).enumerate();
+                groups.for_each(|(i, group)| look_at(group[i.wrapping_mul(7919) % group.len()].to_f64()));
+            });
+        }
         let share = |count: usize| count as f64 / looked_at.max(1) as f64;
         Self { air: share(air), soft: share(soft), lowest: share(lowest) }
     }
+}
+
+/// Number of slices that are examined of a volume that is read in parts.
+const SLICES_LOOKED_AT: usize = 32;
+
+/// Returns the blocks of voxels that are examined: the whole volume, or slices that are evenly spread over a volume that is
+/// read in parts.
+fn examined_blocks(volume: &Volume) -> Vec<VoxelBlock<'_>> {
+    let [nx, ny, nz] = volume.dims();
+    let block = |slices| volume.block_or_zeros(&[0..nx, 0..ny, slices]);
+    if volume.resident().is_some() {
+        return vec![block(0..nz)];
+    }
+    let step = nz.div_ceil(SLICES_LOOKED_AT);
+    (step / 2..nz).step_by(step).map(|k| block(k..k + 1)).collect()
 }
 
 /// Fraction of the HU interval of air that lies within the volume's value range `[low, high]`.
@@ -207,7 +225,7 @@ fn near_air(low: f64, high: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling};
+    use crate::volume::{Provenance, Scaling, Voxels};
     use glam::DAffine3;
     use ndarray::Array3;
 

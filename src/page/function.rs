@@ -95,7 +95,7 @@ pub(super) fn function_record(
         PointRecord { value, amount, color }
     };
     let (mapping, [origin, end]) = (loaded.on_device.mapping, loaded.on_device.texel_range);
-    let Histogram { range, counts, .. } = Histogram::of(&loaded.volume, HISTOGRAM_BINS);
+    let Histogram { range, counts, .. } = Histogram::of(&loaded.volume, HISTOGRAM_BINS).ok()?;
     Some(FunctionRecord {
         name: tf.name.clone(),
         units: tf.units.clone(),
@@ -132,11 +132,13 @@ fn brick_ranges(volume: &Volume, tf: &TransferFunction) -> Vec<f64> {
         ..TransferFunction::new(Quantity::Extinction, &[(0.0, 1.0)])
     };
     let kept = ActiveBricks::of(bricks, &everywhere).distance;
-    let ranges = |values: &[f64], of_clipped: f64| {
-        let range = |(value, distance): (&f64, &u8)| if *distance == 0 { *value } else { of_clipped };
-        values.iter().zip(&kept).map(range).collect::<Vec<_>>()
+    let ranges = bricks.all_ranges();
+    let ends = |end: usize, of_clipped: f64| {
+        let value =
+            |(range, distance): (&[f64; 2], &u8)| if *distance == 0 { range[end] } else { of_clipped };
+        ranges.iter().zip(&kept).map(value).collect::<Vec<_>>()
     };
-    [ranges(&bricks.min, f64::INFINITY), ranges(&bricks.max, f64::NEG_INFINITY)].concat()
+    [ends(0, f64::INFINITY), ends(1, f64::NEG_INFINITY)].concat()
 }
 
 #[cfg(test)]
@@ -151,7 +153,8 @@ mod tests {
         let volume = Phantom::Shell.build(24).unwrap();
         let bricks = volume.bricks();
         let mut tf = TransferFunction::new(Quantity::Opacity, &[(0.0, 0.5)]);
-        assert_eq!(brick_ranges(&volume, &tf), [&bricks.min[..], &bricks.max[..]].concat());
+        let all = [0, 1].map(|end| bricks.all_ranges().iter().map(|range| range[end]).collect::<Vec<_>>());
+        assert_eq!(brick_ranges(&volume, &tf), all.concat());
         tf.clip = vec![ClipPlane { normal: DVec3::X, offset_mm: volume.center_mm().x }];
         let ranges = brick_ranges(&volume, &tf);
         let (min, max) = ranges.split_at(bricks.len());
@@ -159,6 +162,6 @@ mod tests {
         assert!((1..bricks.len()).contains(&empty), "{empty} of {}", bricks.len());
         let [first, last] = [0, bricks.counts[0] - 1];
         assert_eq!((min[first], max[first]), (f64::INFINITY, f64::NEG_INFINITY));
-        assert_eq!((min[last], max[last]), (bricks.min[last], bricks.max[last]));
+        assert_eq!((min[last], max[last]), bricks.range(last).into());
     }
 }

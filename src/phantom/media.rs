@@ -1,4 +1,4 @@
-//! Analytic media for comparisons of shadow methods: a cloud, smoke, foams and thin sheets.
+//! Analytic media for comparisons of shadow methods: a cloud, smoke and thin sheets.
 //!
 //! Positions are in units of half the cube's edge, so that the cube is `[-1, 1]^3`. The functions use basic arithmetic and
 //! square roots only, whose results do not depend on the machine's mathematical library.
@@ -9,11 +9,11 @@ use glam::DVec3;
 /// Seeds of the random shapes. A change of a seed changes the frozen benchmark.
 const CLOUD_SEED: u64 = 101;
 const SMOKE_SEED: u64 = 102;
-const FOAM_SEED: u64 = 103;
 const SHEETS_SEED: u64 = 104;
 
 /// Soft ball of density, with a smooth polynomial profile (metaball; Wyvill, McPheeters and Wyvill 1986, *Data structure
 /// for soft objects*).
+#[derive(Debug)]
 struct Ball {
     centre: DVec3,
     radius: f64,
@@ -29,6 +29,7 @@ impl Ball {
 }
 
 /// Sum of the densities of metaballs.
+#[derive(Debug)]
 pub struct Metaballs(Vec<Ball>);
 
 impl Metaballs {
@@ -67,42 +68,6 @@ impl Metaballs {
     pub fn share(&self, at: DVec3) -> f64 {
         self.0.iter().map(|ball| ball.density_at(at)).sum::<f64>().min(1.0)
     }
-}
-
-/// Number of cells of the foam along each side of the cube, and radius of the ball that the foam fills.
-const FOAM_CELLS: i64 = 9;
-const FOAM_RADIUS: f64 = 0.92;
-
-/// Share of the largest density of a closed-cell foam (walls between the cells of a random Voronoi diagram) or an
-/// open-cell foam (struts along their edges), in `[0, 1]` (Worley 1996, *A cellular texture basis function*).
-/// `thickness` is the half thickness of walls or struts.
-pub fn foam(at: DVec3, open_cells: bool, thickness: f64) -> f64 {
-    if at.length() > FOAM_RADIUS {
-        return 0.0;
-    }
-    let scaled = (at + 1.0) * (0.5 * FOAM_CELLS as f64);
-    let cell = scaled.floor();
-    let mut nearest = [f64::INFINITY; 3];
-    // Two cells around: a nearer seed cannot lie farther away.
-    for offset in 0..125 {
-        let offset =
-            DVec3::new(f64::from(offset % 5), f64::from(offset / 5 % 5), f64::from(offset / 25)) - 2.0;
-        let of_seed = cell + offset;
-        let index = of_seed.to_array().iter().fold(0_u64, |index, n| mix(index ^ (*n as i64) as u64));
-        let mut chance = Chance::new(FOAM_SEED, index);
-        let seed = of_seed + DVec3::from_array([(); 3].map(|()| chance.unit()));
-        let mut distance = (seed - scaled).length();
-        for kept in &mut nearest {
-            if distance < *kept {
-                std::mem::swap(kept, &mut distance);
-            }
-        }
-    }
-    let [first, second, third] = nearest;
-    let farther = if open_cells { third } else { second };
-    // Half the difference of the two distances is about the distance from the wall between them.
-    let from_wall = (farther - first) / FOAM_CELLS as f64;
-    (1.0 - from_wall / thickness).max(0.0)
 }
 
 /// Number of sheets per unit of height, half thickness of a sheet, and share of the rectangles of a sheet that are absent.

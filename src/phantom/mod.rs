@@ -17,16 +17,17 @@
 //!
 //! `sphere` and `shell` are `f32`, the others `i16`; the chest is `i16` in HU.
 
+mod foam;
+mod formula;
 mod media;
 mod thorax;
 
 use crate::error::{Error, Result};
-use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, Voxels};
+use crate::files::loading::Loading;
+use crate::files::memory_budget::check_grid;
+use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, VoxelSource as _, VoxelStorage};
+use formula::Formula;
 use glam::{DAffine3, DMat3, DVec3};
-use media::Metaballs;
-use ndarray::Array3;
-use rayon::prelude::*;
 use std::fmt;
 
 /// Built-in volume (phantom), computed instead of read from a file.
@@ -79,7 +80,7 @@ impl Phantom {
     ];
 
     /// Largest number of voxels along the longest side of a phantom.
-    pub const MAX_SIZE: usize = 1024;
+    pub const MAX_SIZE: usize = 4096;
 
     /// Name of the phantom, as in `phantom:NAME`.
     pub fn name(self) -> &'static str {
@@ -119,7 +120,7 @@ impl Phantom {
     /// the names in `others`.
     ///
     /// # Errors
-    /// No phantom has this name, or the size is not in `1..=1024`.
+    /// No phantom has this name, or the size is not in `1..=4096`.
     pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
         let refuse = |why: String| Error::input("cannot build phantom", format!("phantom:{text}"), why);
@@ -141,7 +142,7 @@ impl Phantom {
     /// Builds the phantom volume with `size` voxels along the longest side.
     ///
     /// # Errors
-    /// `size` is not in `1..=1024`.
+    /// `size` is not in `1..=4096`.
     pub fn build(self, size: usize) -> Result<Volume> {
         self.build_with(size, &Loading::default())
     }
@@ -149,38 +150,27 @@ impl Phantom {
     /// Builds the phantom volume, reporting progress to `loading`, which can cancel it.
     ///
     /// # Errors
-    /// `size` is not in `1..=1024`, or `loading` was cancelled.
+    /// `size` is not in `1..=4096`, or `loading` was cancelled.
     pub fn build_with(self, size: usize, loading: &Loading) -> Result<Volume> {
         let source = format!("phantom:{}:{size}", self.name());
         if !(1..=Self::MAX_SIZE).contains(&size) {
             let why = format!("size {size} is not in 1..={}", Self::MAX_SIZE);
             return Err(Error::input("cannot build phantom", source, why));
         }
-        let mut spacing_mm = [CUBE_MM / size as f64; 3];
-        let voxels = match self {
-            Self::Thorax => {
-                let (voxels, spacing) = thorax::build(size, loading);
-                spacing_mm = spacing;
-                Voxels::I16(voxels)
+        let formula = Formula::new(self, size);
+        let (dims, element) = (formula.dims(), formula.element());
+        let affine = centred_affine(dims, formula.spacing_mm());
+        let storage = match loading.limit_for_parts(dims, element.memory_bytes()) {
+            Some(host_bytes) => VoxelStorage::in_parts(formula, host_bytes),
+            None => {
+                let refuse = |why: String| Error::input("cannot build phantom", &source, why);
+                check_grid(dims, element.memory_bytes()).map_err(refuse)?;
+                formula.voxels(&dims.map(|n| 0..n), loading).into()
             }
-            Self::Slab => solid(size, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
-            Self::Step => solid(size, loading, |[i, _, _]| i >= size / 2),
-            Self::Comb => solid(size, loading, |[_, _, k]| k % 4 == 2),
-            Self::Sphere => radial(size, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
-            Self::Shell => radial(size, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
-            Self::Cloud | Self::Smoke => {
-                let balls = if self == Self::Cloud { Metaballs::cloud() } else { Metaballs::smoke() };
-                medium(size, loading, |at| balls.share(at))
-            }
-            Self::Foam => medium(size, loading, |at| media::foam(at, false, 0.03)),
-            Self::Struts => medium(size, loading, |at| media::foam(at, true, 0.04)),
-            Self::Sheets => medium(size, loading, media::sheets),
         };
-        let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
-        let mut provenance = Provenance::new(source, "phantom", stored_type);
+        let mut provenance = Provenance::new(source, "phantom", element.name());
         provenance.values = ValueMeaning::Hounsfield("built in".into());
-        let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
-        Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
+        Volume::from_storage(storage, Scaling::IDENTITY, affine, provenance, loading)
     }
 }
 
@@ -196,46 +186,4 @@ fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     let spacing = exact_in_f32(DVec3::from_array(spacing_mm));
     let centre = DVec3::from_array(dims.map(|n| (n as f64 - 1.0) / 2.0));
     DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
-}
-
-/// Builds a cubic volume whose voxels are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
-fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
-    Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
-}
-
-/// Builds a cubic volume whose values are [`INSIDE`] times a function of the distance from the centre in mm.
-fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
-    let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
-    let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
-    Voxels::F32(cube(size, loading, value))
-}
-
-/// Builds a cubic volume whose values are [`INSIDE`] times a function of the position, rounded to integers. Positions
-/// are in units of half the cube's edge.
-fn medium(size: usize, loading: &Loading, share: impl Fn(DVec3) -> f64 + Sync) -> Voxels {
-    let centred = |i: usize| (2.0 * i as f64 + 1.0) / size as f64 - 1.0;
-    let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)))).round() as i16;
-    Voxels::I16(cube(size, loading, value))
-}
-
-/// Builds a cubic volume from a function of the voxel index `[i, j, k]`; the volume is incomplete if `loading` was
-/// cancelled.
-fn cube<T: Copy + Default + Send + Sync>(
-    size: usize,
-    loading: &Loading,
-    value: impl Fn([usize; 3]) -> T + Sync,
-) -> Array3<T> {
-    let mut voxels = Array3::default((size, size, size));
-    let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(size * size);
-    let pieces = loading.pieces(ReadingStage::Building, size);
-    planes.enumerate().for_each(|(k, plane)| {
-        if pieces.is_cancelled() {
-            return;
-        }
-        for (at, v) in plane.iter_mut().enumerate() {
-            *v = value([at % size, at / size, k]);
-        }
-        pieces.done();
-    });
-    voxels
 }

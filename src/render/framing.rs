@@ -4,7 +4,7 @@ use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
 use crate::scene::Camera;
 use crate::transfer::{LabelClass, TransferFunction};
-use crate::volume::{BRICK_CELLS, Volume};
+use crate::volume::{BRICK_CELLS, Volume, VoxelBlock};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
 
@@ -143,7 +143,8 @@ impl VisibleBounds {
             if *bound <= furthest {
                 break;
             }
-            let cells = cells_of(*brick).filter(|cell| self.has_extinction(*cell));
+            let voxels = self.voxels_of(*brick);
+            let cells = cells_of(*brick).filter(|cell| self.has_extinction(*cell, &voxels));
             furthest = cells.map(|cell| reach(cells_box(cell, 1, dims))).fold(furthest, f64::max);
         }
         // A clip plane may remove every cell of a brick that still counts as active, within the margin of that test.
@@ -151,9 +152,19 @@ impl VisibleBounds {
         if furthest.is_finite() { furthest } else { of_bricks }
     }
 
+    /// Returns a block with the voxels that the cells of a brick interpolate.
+    fn voxels_of(&self, brick: IVec3) -> VoxelBlock<'_> {
+        let (first, dims) = (brick * BRICK_CELLS as i32, self.volume.dims());
+        self.volume.block_or_zeros(&std::array::from_fn(|axis| {
+            let last = dims[axis] - 1;
+            let [low, high] = [first[axis] - 1, first[axis] - 1 + BRICK_CELLS as i32];
+            (low.max(0) as usize).min(last)..(high as usize).min(last) + 1
+        }))
+    }
+
     /// Whether a cell of the volume may be visible: it has a value with extinction, its segmentation label is shown,
-    /// and no clip plane removes the whole cell.
-    fn has_extinction(&self, cell: IVec3) -> bool {
+    /// and no clip plane removes the whole cell. The block has the cell's voxels.
+    fn has_extinction(&self, cell: IVec3, block: &VoxelBlock<'_>) -> bool {
         let last = IVec3::from_array(self.volume.dims().map(|n| n as i32 - 1));
         if cell.cmpgt(last + 1).any() {
             return false;
@@ -161,7 +172,7 @@ impl VisibleBounds {
         let ends = [cell - 1, cell].map(|voxel| voxel.clamp(IVec3::ZERO, last).as_usizevec3());
         let value = |c: usize| {
             let pick = |axis: usize| ends[c >> axis & 1][axis];
-            self.volume.value(pick(0), pick(1), pick(2))
+            self.volume.scaling().apply(block.stored([pick(0), pick(1), pick(2)]))
         };
         let (low, high) =
             (0..8).map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));

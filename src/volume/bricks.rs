@@ -6,11 +6,14 @@
 //! BRICK_CELLS * b + BRICK_CELLS - 1`: neighbouring bricks share the voxels that both interpolate, and every
 //! interpolated value of a brick lies between its minimum and maximum.
 
+use super::element::Element;
 use super::labels::Labels;
+use super::storage::VoxelBlock;
 use super::voxels::{Scaling, Voxel, Voxels};
 use crate::with_voxels;
 use glam::DAffine3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of grid cells along each side of a brick, the unit of empty-space skipping.
 pub const BRICK_CELLS: usize = 4;
@@ -20,10 +23,10 @@ pub const BRICK_CELLS: usize = 4;
 pub struct Bricks {
     /// Number of bricks (blocks of grid cells) along each axis: `ceil((n + 1) / BRICK_CELLS)` for `n` voxels.
     pub counts: [usize; 3],
-    /// Smallest physical value in each brick (block of grid cells) of the volume.
-    pub min: Vec<f64>,
-    /// Largest physical value in each brick (block of grid cells) of the volume.
-    pub max: Vec<f64>,
+    /// Smallest and largest stored value in each brick. Both have the volume's type, which takes least memory.
+    low: Voxels,
+    high: Voxels,
+    scaling: Scaling,
     /// Segmentation labels in each brick (block of grid cells), if the volume has labels.
     pub labels: Option<BrickLabels>,
     /// Affine from voxel indices of the volume to world coordinates (RAS+, mm).
@@ -81,52 +84,125 @@ impl Bricks {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Computes the value range of every brick of a volume. Compares stored values, and converts only the smallest
-    /// and largest to physical values.
-    pub(super) fn build(
-        voxels: &Voxels,
+    /// Creates the bricks of a volume of `dims` voxels, with ranges that [`Self::add`] sets.
+    pub(super) fn new(
+        element: Element,
+        dims: [usize; 3],
         scaling: Scaling,
-        labels: Option<&Labels>,
         world_from_index: DAffine3,
     ) -> Self {
-        let [nz, ny, nx] = with_voxels!(voxels, a => a.dim()).into();
-        let dims = [nx, ny, nz];
-        let bricks = with_voxels!(voxels, a => build(a.as_slice().unwrap_or_default(), dims, scaling));
+        let counts = Self::counts_for(dims);
+        let zeros = || Voxels::zeros(element, counts);
+        Self { counts, low: zeros(), high: zeros(), scaling, labels: None, world_from_index }
+    }
+
+    /// Creates bricks from the smallest and largest value of each, x fastest; `None` unless there are as many as `counts`
+    /// says.
+    pub fn from_ranges(counts: [usize; 3], ranges: &[[f64; 2]], world_from_index: DAffine3) -> Option<Self> {
+        let [x, y, z] = counts;
+        let [low, high] = [0, 1].map(|end| {
+            ndarray::Array3::from_shape_vec((z, y, x), ranges.iter().map(|range| range[end]).collect())
+        });
+        let (low, high) = (low.ok()?.into(), high.ok()?.into());
+        Some(Self { counts, low, high, scaling: Scaling::IDENTITY, labels: None, world_from_index })
+    }
+
+    /// Sets the ranges of the bricks that begin in these slices. The block holds the slices and the one before them. Slices
+    /// start at a multiple of [`BRICK_CELLS`].
+    pub(super) fn add(&mut self, block: &VoxelBlock<'_>, slices: Range<usize>, is_last: bool) {
+        let end = if is_last { self.counts[2] } else { slices.end / BRICK_CELLS };
+        let layers = slices.start / BRICK_CELLS..end;
+        let Self { low, high, .. } = self;
+        with_voxels!(low, low => {
+            let (low, high) = (low.as_slice_mut(), Voxel::slice_mut_of(high));
+            if let (Some(low), Some(high), Some(values)) = (low, high, Voxel::slice_of(block.voxels())) {
+                add_layers(values, block, layers, [low, high]);
+            }
+        });
+    }
+
+    /// Adds the segmentation labels of the voxels.
+    #[must_use]
+    pub(super) fn with_labels(self, labels: Option<&Labels>, dims: [usize; 3]) -> Self {
         let labels = labels
             .map(|labels| BrickLabels { ids: labels.ids().to_vec(), sets: rank_sets(labels.ranks(), dims) });
-        Self { labels, world_from_index, ..bricks }
+        Self { labels, ..self }
     }
 
     /// Returns the total number of bricks (blocks of grid cells) of the volume.
     pub fn len(&self) -> usize {
-        self.min.len()
+        self.counts.iter().product()
     }
 
     /// Whether the volume has no bricks (blocks of grid cells), which is never true.
     pub fn is_empty(&self) -> bool {
-        self.min.is_empty()
+        self.len() == 0
+    }
+
+    /// Returns the smallest and largest physical value in a brick.
+    pub fn range(&self, brick: usize) -> [f64; 2] {
+        let mut found = [0.0; 2];
+        self.for_ranges(brick..brick + 1, |range| found = range);
+        found
+    }
+
+    /// Calls `visit` with the smallest and largest physical value of each of some bricks, in order.
+    pub fn for_ranges(&self, bricks: Range<usize>, mut visit: impl FnMut([f64; 2])) {
+        fn visit_all<T: Voxel>(low: &[T], high: &[T], scaling: Scaling, visit: &mut impl FnMut([f64; 2])) {
+            for (low, high) in low.iter().zip(high) {
+                let [a, b] = [low, high].map(|v| scaling.apply(v.to_f64()));
+                visit([a.min(b), a.max(b)]);
+            }
+        }
+        with_voxels!(&self.low, low => {
+            if let (Some(low), Some(high)) = (low.as_slice(), Voxel::slice_of(&self.high)) {
+                visit_all(&low[bricks.clone()], &high[bricks], self.scaling, &mut visit);
+            }
+        });
+    }
+
+    /// Returns the smallest and largest physical value of every brick, x fastest.
+    pub fn all_ranges(&self) -> Vec<[f64; 2]> {
+        let mut ranges = Vec::with_capacity(self.len());
+        self.for_ranges(0..self.len(), |range| ranges.push(range));
+        ranges
+    }
+
+    /// Returns the bytes of the smallest and of the largest stored values of all bricks.
+    pub fn range_bytes(&self) -> [&[u8]; 2] {
+        [self.low.bytes(), self.high.bytes()]
     }
 
     /// Whether the value range of at least one brick overlaps the interval `[low, high]`.
     pub fn have_values(&self, low: f64, high: f64) -> bool {
-        self.min.iter().zip(&self.max).any(|(&min, &max)| min <= high && max >= low)
+        let mut have = false;
+        self.for_ranges(0..self.len(), |[min, max]| have |= min <= high && max >= low);
+        have
     }
 }
 
-fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
-    let counts = Bricks::counts_for(dims);
-    let [nx, ny, nz] = dims;
-    let mut min = vec![0.0; counts.iter().product()];
-    let mut max = min.clone();
-    min.par_chunks_mut(counts[0]).zip(max.par_chunks_mut(counts[0])).enumerate().for_each_init(
+/// Computes smallest and largest stored value of the bricks in some layers, from a block of voxels with whole slices.
+fn add_layers<T: Voxel>(
+    values: &[T],
+    block: &VoxelBlock<'_>,
+    layers: Range<usize>,
+    [low_of, high_of]: [&mut [T]; 2],
+) {
+    let [nx, ny, slices] = block.voxels().dims();
+    let nz = block.first()[2] + slices;
+    let counts = Bricks::counts_for([nx, ny, nz]);
+    let layer = counts[0] * counts[1];
+    let of_layers = layers.start * layer..layers.end * layer;
+    let [low_of, high_of] = [low_of, high_of].map(|all| &mut all[of_layers.clone()]);
+    low_of.par_chunks_mut(counts[0]).zip(high_of.par_chunks_mut(counts[0])).enumerate().for_each_init(
         // Range over the y and z of a row of bricks, for each x.
         || (Vec::with_capacity(nx), Vec::with_capacity(nx)),
-        |(low, high), (row, (min, max))| {
-            let (by, bz) = (row % counts[1], row / counts[1]);
+        |(low, high), (row, (low_of, high_of))| {
+            let (by, bz) = (row % counts[1], layers.start + row / counts[1]);
             let mut first = true;
             for z in voxel_span(bz, nz) {
                 for y in voxel_span(by, ny) {
-                    let row = &values[(z * ny + y) * nx..][..nx];
+                    let row = &values[block.place([0, y, z])..][..nx];
                     if first {
                         low.clear();
                         low.extend_from_slice(row);
@@ -141,16 +217,14 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
                     }
                 }
             }
-            for (bx, (min, max)) in min.iter_mut().zip(max).enumerate() {
+            for (bx, (low_of, high_of)) in low_of.iter_mut().zip(high_of).enumerate() {
                 let span = voxel_span(bx, nx);
-                let lo = low[span.clone()].iter().fold(low[span.start], |a, &v| if v < a { v } else { a });
-                let hi = high[span.clone()].iter().fold(high[span.start], |a, &v| if v > a { v } else { a });
-                let [a, b] = [lo, hi].map(|v| scaling.apply(v.to_f64()));
-                (*min, *max) = (a.min(b), a.max(b));
+                *low_of = low[span.clone()].iter().fold(low[span.start], |a, &v| if v < a { v } else { a });
+                *high_of =
+                    high[span.clone()].iter().fold(high[span.start], |a, &v| if v > a { v } else { a });
             }
         },
     );
-    Bricks { counts, min, max, labels: None, world_from_index: DAffine3::IDENTITY }
 }
 
 /// Collects the set of segmentation labels in each brick of a volume.

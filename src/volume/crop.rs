@@ -1,6 +1,7 @@
 //! Crops a volume to a box of voxel indices.
 
-use super::{Volume, Voxels};
+use super::source::CroppedSource;
+use super::{Volume, VoxelStorage, Voxels};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::with_voxels;
@@ -8,6 +9,7 @@ use glam::{DAffine3, DVec3};
 use ndarray::{Array3, s};
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// Crop box `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive. A missing index means the first or last voxel
 /// of the volume.
@@ -84,10 +86,20 @@ impl Volume {
         fn part<T: Clone>(array: &Array3<T>, [x, y, z]: [[usize; 2]; 3]) -> Array3<T> {
             array.slice(s![z[0]..=z[1], y[0]..=y[1], x[0]..=x[1]]).as_standard_layout().into_owned()
         }
-        let voxels: Voxels = with_voxels!(&self.voxels, a => part(a, [[x0, x1], [y0, y1], [z0, z1]]).into());
+        let storage = match &self.storage {
+            VoxelStorage::Resident(voxels) => {
+                let part: Voxels = with_voxels!(voxels, a => part(a, [[x0, x1], [y0, y1], [z0, z1]]).into());
+                part.into()
+            }
+            VoxelStorage::Parts(parts) => {
+                let (parts, host_bytes) = (Arc::clone(parts), parts.host_bytes());
+                let part = [x0..x1 + 1, y0..y1 + 1, z0..z1 + 1];
+                VoxelStorage::limited(CroppedSource { parts, part }, host_bytes)?
+            }
+        };
         let first = DVec3::new(x0 as f64, y0 as f64, z0 as f64);
         let world_from_index = self.world_from_index * DAffine3::from_translation(first);
-        Self::new_with(voxels, self.scaling, world_from_index, self.provenance, loading)
+        Self::from_storage(storage, self.scaling, world_from_index, self.provenance, loading)
     }
 }
 

@@ -1,10 +1,10 @@
 //! Downsamples a volume to means of voxel blocks, by integer factors along each axis.
 
-use super::{ByteCount, Volume, Voxel, Voxels};
+use super::{ByteCount, Volume, Voxel, VoxelBlock, Voxels};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::files::memory_budget::reduced_dims;
-use crate::with_voxels;
+use crate::with_voxel_type;
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use std::fmt;
@@ -109,6 +109,12 @@ impl<T: Voxel> BlockMeans<T> {
         Some(())
     }
 
+    /// Adds the rows of a block of whole slices; `None` without memory for the means.
+    fn push_block(&mut self, block: &VoxelBlock<'_>) -> Option<()> {
+        let rows = T::slice_of(block.voxels())?.chunks_exact(self.dims[0]);
+        rows.into_iter().try_for_each(|row| self.push_row(row))
+    }
+
     /// Returns the downsampled voxels; `None` if rows are missing.
     pub(super) fn finish(self) -> Option<Array3<T>> {
         let [x, y, z] = reduced_dims(self.dims, self.factors);
@@ -126,18 +132,19 @@ impl Volume {
         if factors == [1; 3] {
             return Ok(self);
         }
-        fn means<T: Voxel>(array: &Array3<T>, factors: [usize; 3]) -> Option<Array3<T>> {
-            let (nz, ny, nx) = array.dim();
-            let mut means = BlockMeans::new([nx, ny, nz], factors)?;
-            array.as_slice()?.chunks_exact(nx).try_for_each(|row| means.push_row(row))?;
-            means.finish()
-        }
         let none = || {
             let why = "not enough memory for the downsampled voxels";
             crate::error::Error::runtime("cannot reduce volume", &self.provenance.source, why)
         };
-        let voxels: Voxels = with_voxels!(&self.voxels, a => means(a, factors).ok_or_else(none)?.into());
         let dims = self.dims();
+        let voxels = with_voxel_type!(self.element(), T => {
+            let mut means = BlockMeans::<T>::new(dims, factors).ok_or_else(none)?;
+            for slab in self.slabs(0, 1) {
+                loading.go_on(&self.provenance.source)?;
+                means.push_block(&slab?.1).ok_or_else(none)?;
+            }
+            Voxels::from(means.finish().ok_or_else(none)?)
+        });
         let volume = Self::new_with(voxels, self.scaling, self.world_from_index, self.provenance, loading)?;
         Ok(volume.downsampled_from(factors, dims))
     }

@@ -77,14 +77,18 @@ impl Element {
         ELEMENTS[self as usize].3
     }
 
+    /// Number type in memory, one of those of [`super::Voxels`].
+    pub fn in_memory(self) -> Self {
+        match self {
+            Self::U8 | Self::U16 | Self::I16 | Self::F32 | Self::F64 => self,
+            Self::I8 => Self::I16,
+            Self::U32 | Self::I32 | Self::U64 | Self::I64 => Self::F64,
+        }
+    }
+
     /// Size of one voxel in memory, bytes, after the conversion to a type of [`super::Voxels`].
     pub fn memory_bytes(self) -> u64 {
-        match self {
-            Self::U8 => 1,
-            Self::I8 | Self::U16 | Self::I16 => 2,
-            Self::F32 => 4,
-            Self::U32 | Self::I32 | Self::U64 | Self::I64 | Self::F64 => 8,
-        }
+        self.in_memory().bytes() as u64
     }
 
     /// Type name of NumPy for the voxel type, without byte order, e.g. `i2`.

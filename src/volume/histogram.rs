@@ -1,10 +1,11 @@
 //! Histogram of the voxel values of a volume, with and without gradient weights.
 
-use super::{Volume, Voxel, Voxels};
+use super::{Element, Volume, Voxel, VoxelBlock};
 use crate::error::Result;
-use crate::files::loading::{Loading, ReadingStage};
+use crate::files::loading::{Loading, Pieces, ReadingStage};
 use crate::with_voxels;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Histogram of the voxel values of a volume, with bins of equal width over the value range.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,35 +28,47 @@ impl Histogram {
     /// # Errors
     /// Counting was cancelled.
     pub fn of_with(volume: &Volume, max_bins: usize, loading: &Loading) -> Result<Self> {
-        let histogram = Self::count(volume, max_bins, loading);
+        let (range, bins) = bins_of(volume, max_bins.max(1));
+        let mut histogram = Self { range, counts: vec![0; bins], gradients: vec![0.0; bins] };
+        let nz = volume.dims()[2];
+        let pieces = loading.pieces(ReadingStage::Counting, nz);
+        for slab in volume.slabs(1, 1) {
+            let (slices, block) = slab?;
+            // A slice is counted with the next one: the last of a slab is left to the next slab.
+            let end = if slices.end == nz { nz } else { slices.end - 1 };
+            histogram.add(volume, &block, slices.start.saturating_sub(1)..end, &pieces);
+        }
         loading.go_on(&volume.provenance.source)?;
         Ok(histogram)
     }
 
     /// Computes the histogram of a volume with at most `max_bins` bins.
-    pub fn of(volume: &Volume, max_bins: usize) -> Self {
-        Self::count(volume, max_bins, &Loading::default())
+    ///
+    /// # Errors
+    /// Voxels that are read in parts cannot be read.
+    pub fn of(volume: &Volume, max_bins: usize) -> Result<Self> {
+        Self::of_with(volume, max_bins, &Loading::default())
     }
 
-    fn count(volume: &Volume, max_bins: usize, loading: &Loading) -> Self {
-        let (range, bins) = bins_of(volume, max_bins.max(1));
+    /// Adds the voxels of some slices. The block also holds the next slice, except for the last of the volume.
+    fn add(&mut self, volume: &Volume, block: &VoxelBlock<'_>, slices: Range<usize>, pieces: &Pieces<'_>) {
+        let (range, bins) = (self.range, self.counts.len());
         let [nx, ny, nz] = volume.dims();
         let spacing = volume.spacing_mm();
         let scaling = volume.scaling();
         let per_value = bins as f64 / (range[1] - range[0]).max(f64::MIN_POSITIVE);
         let bin_of = |value: f64| (((value - range[0]) * per_value) as usize).min(bins - 1);
         let empty = || (vec![0_u64; bins], vec![0.0_f64; bins]);
-        let pieces = loading.pieces(ReadingStage::Counting, nz);
-        let (counts, gradients) = with_voxels!(volume.voxels(), array => {
+        let (counts, gradients) = with_voxels!(block.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
-            (0..nz)
+            slices
                 .into_par_iter()
                 .fold(empty, |(mut counts, mut gradients), z| {
                     if pieces.is_cancelled() {
                         return (counts, gradients);
                     }
                     for y in 0..ny {
-                        let start = (z * ny + y) * nx;
+                        let start = block.place([0, y, z]);
                         for x in 0..nx {
                             let here = values[start + x].to_f64();
                             let difference = |step: usize, is_last: bool, mm: f64| {
@@ -79,7 +92,8 @@ impl Histogram {
                     (counts, gradients)
                 })
         });
-        Self { range, counts, gradients }
+        self.counts.iter_mut().zip(counts).for_each(|(a, b)| *a += b);
+        self.gradients.iter_mut().zip(gradients).for_each(|(a, b)| *a += b);
     }
 }
 
@@ -87,7 +101,7 @@ impl Histogram {
 fn bins_of(volume: &Volume, max_bins: usize) -> ([f64; 2], usize) {
     let [lo, hi] = volume.value_range();
     let step = volume.scaling().slope.abs();
-    if matches!(volume.voxels(), Voxels::F32(_) | Voxels::F64(_)) || step == 0.0 {
+    if matches!(volume.element(), Element::F32 | Element::F64) || step == 0.0 {
         return ([lo, hi], max_bins);
     }
     let stored = ((hi - lo) / step).round() + 1.0;
@@ -100,7 +114,7 @@ fn bins_of(volume: &Volume, max_bins: usize) -> ([f64; 2], usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling};
+    use crate::volume::{Provenance, Scaling, Voxels};
     use glam::DAffine3;
     use ndarray::Array3;
 
@@ -112,7 +126,7 @@ mod tests {
     #[test]
     fn every_voxel_is_counted_once() {
         let volume = volume(Array3::from_shape_fn((16, 16, 16), |(_, _, i)| if i < 8 { 0i16 } else { 1000 }));
-        let histogram = Histogram::of(&volume, 64);
+        let histogram = Histogram::of(&volume, 64).unwrap();
         assert_eq!(histogram.counts.iter().sum::<u64>(), 16 * 16 * 16);
         let [lo, hi] = volume.value_range();
         assert!(histogram.range[0] <= lo && histogram.range[1] >= hi);
@@ -125,7 +139,7 @@ mod tests {
     fn bins_span_equal_numbers_of_integers() {
         let volume = volume(Array3::from_shape_fn((1, 16, 16), |(_, j, i)| (16 * j + i) as u8));
         for max_bins in [512, 256, 255, 100, 7, 1] {
-            let histogram = Histogram::of(&volume, max_bins);
+            let histogram = Histogram::of(&volume, max_bins).unwrap();
             let (last, full) = histogram.counts.split_last().unwrap();
             assert!(histogram.counts.len() <= max_bins);
             assert!(full.windows(2).all(|w| w[0] == w[1]), "{max_bins}: {full:?}");
@@ -136,7 +150,7 @@ mod tests {
     #[test]
     fn few_voxels_give_finite_gradients() {
         let volume = volume(Array3::from_elem((4, 4, 4), 7.0f32));
-        let histogram = Histogram::of(&volume, 8);
+        let histogram = Histogram::of(&volume, 8).unwrap();
         assert_eq!(histogram.counts.iter().sum::<u64>(), 64);
         assert!(histogram.gradients.iter().all(|g| g.is_finite()));
     }

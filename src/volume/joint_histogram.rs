@@ -1,9 +1,10 @@
 //! Joint histogram of values and gradient magnitudes.
 
-use super::{Volume, Voxel};
+use super::{Volume, Voxel, VoxelBlock};
 use crate::with_voxels;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Bins of gradient magnitudes that find the top of the histogram.
 const FINE_BINS: usize = 4096;
@@ -26,7 +27,7 @@ pub struct JointHistogram {
 
 impl JointHistogram {
     /// Computes the joint histogram of a volume with the given numbers of columns and rows, at least 1 each. Returns
-    /// `None` when `goes_on` returns false.
+    /// `None` when `goes_on` returns false, or if voxels that are read in parts cannot be read.
     pub fn of(volume: &Volume, bins: [usize; 2], goes_on: &(dyn Fn() -> bool + Sync)) -> Option<Self> {
         let values = volume.value_range();
         let [columns, rows] = bins.map(|n| n.max(1));
@@ -77,15 +78,35 @@ fn slabs<T: Send>(
     add: impl Fn(&mut T, [f64; 2]) + Sync,
     join: impl Fn(T, T) -> T + Sync,
 ) -> Option<T> {
-    let [nx, ny, nz] = volume.dims();
+    let mut all = empty();
+    for slab in volume.slabs(1, 1) {
+        let (slices, block) = slab.ok()?;
+        // Cells lie between two slices: those above the last slice of a slab are left to the next slab.
+        let cells = slices.start.saturating_sub(1)..slices.end - 1;
+        all = join(all, of_block(volume, &block, cells, goes_on, &empty, &add, &join));
+    }
+    goes_on().then_some(all)
+}
+
+/// Folds value and gradient magnitude at the centres of the cells of a block above some slices.
+fn of_block<T: Send>(
+    volume: &Volume,
+    block: &VoxelBlock<'_>,
+    slices: Range<usize>,
+    goes_on: &(dyn Fn() -> bool + Sync),
+    empty: &(impl Fn() -> T + Sync),
+    add: &(impl Fn(&mut T, [f64; 2]) + Sync),
+    join: &(impl Fn(T, T) -> T + Sync),
+) -> T {
+    let [nx, ny, _] = volume.dims();
     let scaling = volume.scaling();
     // Columns are the gradients in world space of the indices i, j and k.
     let gradients = volume.index_from_world().matrix3.transpose();
     let cells = |n: usize| n.saturating_sub(1);
-    let of_slab = with_voxels!(volume.voxels(), array => {
+    with_voxels!(block.voxels(), array => {
         let stored = array.as_slice().unwrap_or_default();
         let sum = |x: usize, y: usize, z: usize, steps: [usize; 4]| {
-            let first = (z * ny + y) * nx + x;
+            let first = block.place([x, y, z]);
             steps.iter().map(|step| stored[first + step].to_f64()).sum::<f64>()
         };
         let (i, j, k) = (1, nx, nx * ny);
@@ -99,9 +120,9 @@ fn slabs<T: Send>(
             let gradient = (gradients * by_index).length() * scaling.slope.abs();
             [scaling.apply(0.125 * (low + high)), gradient]
         };
-        (0..cells(nz))
+        slices
             .into_par_iter()
-            .fold(&empty, |mut all, z| {
+            .fold(empty, |mut all, z| {
                 if goes_on() {
                     for y in 0..cells(ny) {
                         let finite = (0..cells(nx)).map(|x| cell(x, y, z)).filter(|[_, g]| g.is_finite());
@@ -110,9 +131,8 @@ fn slabs<T: Send>(
                 }
                 all
             })
-            .reduce(&empty, &join)
-    });
-    goes_on().then_some(of_slab)
+            .reduce(empty, join)
+    })
 }
 
 #[cfg(test)]

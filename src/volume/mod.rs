@@ -14,6 +14,9 @@ mod joint_histogram;
 mod labels;
 pub(crate) mod read;
 mod segmentation;
+mod source;
+mod statistics;
+mod storage;
 mod voxels;
 
 pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
@@ -25,14 +28,15 @@ pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
 pub use joint_histogram::JointHistogram;
 pub use labels::{Labels, MAX_LABELS, Segment};
+pub(crate) use source::CHUNK_CELLS;
+pub use source::{IndexBox, ReadUsage, VoxelParts, VoxelSource};
+pub use storage::{VoxelBlock, VoxelStorage};
 pub use voxels::{Scaling, Voxel, Voxels};
 
 use crate::error::{Error, Result};
-use crate::files::loading::{Loading, ReadingStage};
-use crate::with_voxels;
+use crate::files::loading::Loading;
 use glam::{DAffine3, DVec3};
-use ndarray::Array3;
-use rayon::prelude::*;
+use statistics::Statistics;
 use std::sync::{Arc, OnceLock};
 
 /// Kind of file metadata that gave the affine of a volume.
@@ -111,7 +115,7 @@ impl Provenance {
 /// mm).
 #[derive(Debug, Clone)]
 pub struct Volume {
-    voxels: Voxels,
+    storage: VoxelStorage,
     scaling: Scaling,
     world_from_index: DAffine3,
     index_from_world: DAffine3,
@@ -142,7 +146,22 @@ impl Volume {
     /// # Errors
     /// See [`Self::new`]; or `loading` was cancelled.
     pub fn new_with(
-        mut voxels: Voxels,
+        voxels: Voxels,
+        scaling: Scaling,
+        world_from_index: DAffine3,
+        provenance: Provenance,
+        loading: &Loading,
+    ) -> Result<Self> {
+        Self::from_storage(voxels.into(), scaling, world_from_index, provenance, loading)
+    }
+
+    /// Creates a volume whose voxels are in host memory or are read in parts. Voxels that are read in parts are read once
+    /// here, for their range and that of each brick.
+    ///
+    /// # Errors
+    /// See [`Self::new`]; or the voxels cannot be read, or `loading` was cancelled.
+    pub fn from_storage(
+        mut storage: VoxelStorage,
         scaling: Scaling,
         world_from_index: DAffine3,
         mut provenance: Provenance,
@@ -150,10 +169,10 @@ impl Volume {
     ) -> Result<Self> {
         loading.go_on(&provenance.source)?;
         let refuse = |why: &str| Error::input("cannot use volume", &provenance.source, why);
-        if with_voxels!(&voxels, a => a.is_empty()) {
+        if storage.dims().contains(&0) {
             return Err(refuse("a dimension is 0"));
         }
-        if with_voxels!(&voxels, a => !a.is_standard_layout()) {
+        if storage.is_scattered() {
             return Err(refuse("its voxels are not contiguous with x fastest"));
         }
         if !(scaling.slope.is_finite() && scaling.intercept.is_finite()) || scaling.slope == 0.0 {
@@ -169,41 +188,42 @@ impl Volume {
         if ![axes.x_axis, axes.y_axis, axes.z_axis].iter().all(|axis| axis.length().is_finite()) {
             return Err(refuse("its voxel sizes overflow"));
         }
-        let stored_range = finite_range(&voxels, loading);
+        let statistics = Statistics::of(&storage, scaling, world_from_index, loading)?;
         loading.go_on(&provenance.source)?;
-        let stored_range = stored_range.ok_or_else(|| refuse("no voxel has a finite value"))?;
+        let Some(stored_range) = statistics.range() else {
+            return Err(refuse("no voxel has a finite value"));
+        };
         if !stored_range.iter().all(|&s| scaling.apply(s).is_finite()) {
             return Err(refuse("its values overflow once scaled"));
         }
-        let smallest = stored_range[usize::from(scaling.slope < 0.0)];
-        let non_finite = replace_non_finite(&mut voxels, smallest);
-        if non_finite > 0 {
-            provenance.non_finite += non_finite;
-            provenance
-                .warnings
-                .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
+        let mut bricks = statistics.bricks;
+        if statistics.non_finite > 0 {
+            storage.replace_non_finite(stored_range[usize::from(scaling.slope < 0.0)]);
+            if bricks.is_some() {
+                bricks = Statistics::of(&storage, scaling, world_from_index, loading)?.bricks;
+                loading.go_on(&provenance.source)?;
+            }
+            provenance.non_finite += statistics.non_finite;
+            provenance.warnings.push(format!(
+                "{} voxels were not finite and became the smallest finite value",
+                statistics.non_finite
+            ));
         }
         Ok(Self {
-            voxels,
+            storage,
             scaling,
             world_from_index,
             index_from_world,
             stored_range,
             labels: None,
-            bricks: OnceLock::new(),
+            bricks: bricks.map_or_else(OnceLock::new, OnceLock::from),
             provenance,
         })
     }
 
     /// Returns the number of voxels `[nx, ny, nz]` along the index axes `i, j, k`.
     pub fn dims(&self) -> [usize; 3] {
-        let s = with_voxels!(&self.voxels, a => a.dim());
-        [s.2, s.1, s.0]
-    }
-
-    /// Returns the stored voxel values, before the mapping to physical values.
-    pub fn voxels(&self) -> &Voxels {
-        &self.voxels
+        self.storage.dims()
     }
 
     /// Returns the linear mapping from stored voxel values to physical values.
@@ -245,7 +265,10 @@ impl Volume {
 
     /// Returns the physical value of one voxel.
     pub fn value(&self, i: usize, j: usize, k: usize) -> f64 {
-        self.scaling.apply(with_voxels!(&self.voxels, a => a[[k, j, i]].to_f64()))
+        self.scaling.apply(match &self.storage {
+            VoxelStorage::Resident(voxels) => voxels.stored([i, j, k]),
+            VoxelStorage::Parts(parts) => parts.stored([i, j, k]),
+        })
     }
 
     /// Returns the physical value at a position in index coordinates: trilinear between voxel centres, clamped at the
@@ -273,8 +296,13 @@ impl Volume {
     /// volume.
     pub fn bricks(&self) -> &Bricks {
         self.bricks.get_or_init(|| {
-            let labels = self.labels.as_deref();
-            Bricks::build(&self.voxels, self.scaling, labels, self.world_from_index)
+            let dims = self.dims();
+            let mut bricks = Bricks::new(self.element(), dims, self.scaling, self.world_from_index);
+            // Those of a volume that is read in parts are known, so that this reads voxels in host memory.
+            for (slices, block) in self.slabs(1, BRICK_CELLS).flatten() {
+                bricks.add(&block, slices.clone(), slices.end == dims[2]);
+            }
+            bricks.with_labels(self.labels.as_deref(), dims)
         })
     }
 
@@ -288,17 +316,21 @@ impl Volume {
     /// # Errors
     /// The number of labels differs from the number of voxels.
     pub fn labelled(self, labels: Arc<Labels>) -> Result<Self> {
-        let voxels = with_voxels!(&self.voxels, a => a.len());
+        let dims = self.dims();
+        let voxels = dims.iter().product::<usize>();
         if labels.ranks().len() != voxels {
             let why = format!("{} labels for {voxels} voxels", labels.ranks().len());
             return Err(Error::input("cannot use labels", &self.provenance.source, why));
         }
-        Ok(Self { labels: Some(labels), bricks: OnceLock::new(), ..self })
+        let bricks = self.bricks.into_inner().map(|bricks| bricks.with_labels(Some(&labels), dims));
+        let bricks = bricks.map_or_else(OnceLock::new, OnceLock::from);
+        Ok(Self { labels: Some(labels), bricks, ..self })
     }
 
-    /// Returns the size of the stored voxels in host memory, bytes.
+    /// Returns the size of all stored voxels, bytes.
     pub fn bytes(&self) -> u64 {
-        self.voxels.bytes().len() as u64
+        let voxels: u64 = self.dims().iter().map(|n| *n as u64).product();
+        voxels * self.element().memory_bytes()
     }
 }
 
@@ -314,37 +346,4 @@ fn trilinear(position: DVec3, dims: [usize; 3]) -> [([usize; 3], f64); 8] {
         let [x, y, z] = std::array::from_fn(|axis| axes[axis][corner >> axis & 1]);
         ([x.0, y.0, z.0], x.1 * y.1 * z.1)
     })
-}
-
-/// Returns the smallest and largest finite stored value; `None` without a finite value. The result is meaningless if
-/// `loading` was cancelled.
-fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
-    const CHUNK: usize = 1 << 16;
-    fn range<T: Voxel>(values: &[T], loading: &Loading) -> [f64; 2] {
-        let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        let empty = [f64::INFINITY, f64::NEG_INFINITY];
-        let pieces = loading.pieces(ReadingStage::Checking, values.len().div_ceil(CHUNK));
-        values
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                if pieces.is_cancelled() {
-                    return empty;
-                }
-                pieces.done();
-                let finite = chunk.iter().map(|v| v.to_f64()).filter(|v| v.is_finite());
-                finite.fold(empty, |[lo, hi], v| [if v < lo { v } else { lo }, if v > hi { v } else { hi }])
-            })
-            .reduce(|| empty, join)
-    }
-    let [lo, hi] = with_voxels!(voxels, a => range(a.as_slice()?, loading));
-    (lo <= hi).then_some([lo, hi])
-}
-
-/// Sets voxels that are NaN or infinite to the value `stored`; returns their number.
-fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
-    fn replace<T: Voxel>(array: &mut Array3<T>, stored: f64) -> usize {
-        let non_finite = array.iter_mut().filter(|v| !v.to_f64().is_finite());
-        non_finite.map(|v| *v = T::from_f64(stored)).count()
-    }
-    with_voxels!(voxels, a => replace(a, stored))
 }

@@ -22,7 +22,14 @@ impl Labels {
         let to_source = segmentation.index_from_world() * volume.world_from_index();
         let resampled = source != [nx, ny, nz] || !is_identity(to_source, source);
         let voxels = nx * ny * nz;
-        let labels = if resampled {
+        let same_grid = segmentation.resident().filter(|_| !resampled);
+        let labels = if let Some(stored) = same_grid {
+            let scaling = segmentation.scaling();
+            with_voxels!(stored, a => {
+                let stored = a.as_slice().unwrap_or_default();
+                Self::new(voxels, |at| label(scaling.apply(stored[at].to_f64())), resampled)
+            })
+        } else {
             let nearest = |at: usize| {
                 let index = DVec3::new((at % nx) as f64, (at / nx % ny) as f64, (at / (nx * ny)) as f64);
                 let nearest = (to_source.transform_point3(index) + 0.5).floor();
@@ -33,13 +40,8 @@ impl Labels {
                 label(segmentation.value(i, j, k))
             };
             Self::new(voxels, nearest, resampled)
-        } else {
-            let scaling = segmentation.scaling();
-            with_voxels!(segmentation.voxels(), a => {
-                let stored = a.as_slice().unwrap_or_default();
-                Self::new(voxels, |at| label(scaling.apply(stored[at].to_f64())), resampled)
-            })
         };
+        segmentation.check_reads()?;
         let mut labels =
             labels.map_err(|why| Error::input("cannot use labels", &segmentation.provenance.source, why))?;
         labels.segments.clone_from(&segmentation.provenance.segments);

@@ -43,6 +43,20 @@ macro_rules! with_voxels {
     };
 }
 
+/// Runs `$body` with `$voxel` as the number type of voxels in memory, given as an [`Element`].
+#[macro_export]
+macro_rules! with_voxel_type {
+    ($element:expr, $voxel:ident => $body:expr) => {
+        $crate::with_voxel_type!(@of $element, $voxel, $body, (U8, u8), (I16, i16), (U16, u16), (F32, f32) else f64)
+    };
+    (@of $element:expr, $voxel:ident, $body:expr, $(($kind:ident, $t:ty)),* else $last:ty) => {
+        match $element {
+            $($crate::volume::Element::$kind => { type $voxel = $t; $body })*
+            _ => { type $voxel = $last; $body }
+        }
+    };
+}
+
 impl Voxels {
     /// Returns the number type of the voxels.
     pub fn element(&self) -> Element {
@@ -53,6 +67,29 @@ impl Voxels {
             Self::F32(_) => Element::F32,
             Self::F64(_) => Element::F64,
         }
+    }
+
+    /// Returns voxels of value 0, with x fastest.
+    pub(crate) fn zeros(element: Element, [nx, ny, nz]: [usize; 3]) -> Self {
+        let shape = (nz, ny, nx);
+        match element {
+            Element::U8 => Self::U8(Array3::zeros(shape)),
+            Element::I8 | Element::I16 => Self::I16(Array3::zeros(shape)),
+            Element::U16 => Self::U16(Array3::zeros(shape)),
+            Element::F32 => Self::F32(Array3::zeros(shape)),
+            _ => Self::F64(Array3::zeros(shape)),
+        }
+    }
+
+    /// Returns the number of voxels along x, y and z.
+    pub fn dims(&self) -> [usize; 3] {
+        let (nz, ny, nx) = with_voxels!(self, a => a.dim());
+        [nx, ny, nz]
+    }
+
+    /// Returns the value of a voxel.
+    pub fn stored(&self, [i, j, k]: [usize; 3]) -> f64 {
+        with_voxels!(self, a => a[[k, j, i]].to_f64())
     }
 
     /// Returns the voxels as little-endian bytes, x fastest.
@@ -72,10 +109,16 @@ pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
 
     /// Converts a number to the nearest value of the voxel type.
     fn nearest(value: f64) -> Self;
+
+    /// Returns voxels of this type as a slice, x fastest; `None` for voxels of another type.
+    fn slice_of(voxels: &Voxels) -> Option<&[Self]>;
+
+    /// Returns voxels of this type as a slice that can be written, x fastest; `None` for voxels of another type.
+    fn slice_mut_of(voxels: &mut Voxels) -> Option<&mut [Self]>;
 }
 
 macro_rules! voxel {
-    ($round:expr => $($t:ty),*) => { $(impl Voxel for $t {
+    ($round:expr => $($kind:ident($t:ty)),*) => { $(impl Voxel for $t {
         #[inline(always)]
         fn to_f64(self) -> f64 {
             f64::from(self)
@@ -90,10 +133,25 @@ macro_rules! voxel {
         fn nearest(value: f64) -> Self {
             $round(value) as $t
         }
+
+        #[inline]
+        fn slice_of(voxels: &Voxels) -> Option<&[Self]> {
+            match voxels {
+                Voxels::$kind(array) => array.as_slice(),
+                _ => None,
+            }
+        }
+
+        fn slice_mut_of(voxels: &mut Voxels) -> Option<&mut [Self]> {
+            match voxels {
+                Voxels::$kind(array) => array.as_slice_mut(),
+                _ => None,
+            }
+        }
     })* };
 }
-voxel!(f64::round => u8, i16, u16);
-voxel!(f64::from => f32, f64);
+voxel!(f64::round => U8(u8), I16(i16), U16(u16));
+voxel!(f64::from => F32(f32), F64(f64));
 
 /// Linear mapping from stored voxel values to physical values: `value = stored * slope + intercept`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

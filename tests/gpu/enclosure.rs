@@ -63,7 +63,7 @@ fn enclosures_hold_behind_clip_planes_and_in_oblique_flat_voxels() {
     assert_encloses(&volume, &TransferFunction { clip: vec![cut], ..tf.clone() }, "clipped");
     let turned = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7)
         * DAffine3::from_scale(DVec3::new(0.7, 0.7, 5.0));
-    let flat = volume_of(volume.voxels().clone(), turned);
+    let flat = volume_of(volume.resident().unwrap().clone(), turned);
     assert_encloses(&Arc::new(flat), &tf, "flat voxels");
 }
 

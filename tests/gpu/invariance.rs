@@ -94,9 +94,10 @@ fn twice_is_the_same() {
 #[test]
 fn turned_by_a_quarter() {
     let volume = phantom("thorax:48");
-    let Voxels::I16(array) = volume.voxels() else { panic!("the chest is int16") };
+    let Voxels::I16(array) = volume.resident().unwrap() else { panic!("the chest is int16") };
     let turn = DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2);
-    let other_affine = Arc::new(volume_of(volume.voxels().clone(), turn * volume.world_from_index()));
+    let other_affine =
+        Arc::new(volume_of(volume.resident().unwrap().clone(), turn * volume.world_from_index()));
     // x' = -y, y' = x: index (i, j) goes to (ny - 1 - j, i).
     let (nz, ny, nx) = array.dim();
     let stored = Array3::from_shape_fn((nz, nx, ny), |(k, j, i)| array[[k, ny - 1 - i, j]]);

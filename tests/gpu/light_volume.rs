@@ -39,7 +39,7 @@ fn voxel_centres(setup: &Setup) -> Vec<DVec3> {
     let [x, y, z] = setup.volume().dims();
     let world_from_index = setup.volume().world_from_index();
     let place = |n: usize| DVec3::new((n % x) as f64, (n / x % y) as f64, (n / (x * y)) as f64);
-    let Voxels::F32(values) = setup.volume().voxels() else { unreachable!("grains are floats") };
+    let Voxels::F32(values) = setup.volume().resident().unwrap() else { unreachable!("grains are floats") };
     let values = values.as_slice().unwrap();
     let has_extinction = (0..x * y * z).step_by(7).filter(|n| values[*n] > 250.0);
     has_extinction.map(|n| world_from_index.transform_point3(place(n))).collect()

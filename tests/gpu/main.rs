@@ -169,7 +169,7 @@ fn volume_of(voxels: Voxels, world_from_index: DAffine3) -> Volume {
 
 /// Voxels of a phantom under another affine.
 fn under(affine: DAffine3, name: &str) -> Arc<Volume> {
-    Arc::new(volume_of(phantom(name).voxels().clone(), affine))
+    Arc::new(volume_of(phantom(name).resident().unwrap().clone(), affine))
 }
 
 fn transfer(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {

@@ -5,11 +5,12 @@ use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use std::sync::{Arc, OnceLock};
 use umbravox::gpu::Gpu;
-use umbravox::render::{DisabledOptimizations, Renderer, Session};
+use umbravox::open::{ReadFlags, VolumeSpec, load};
+use umbravox::render::{DisabledOptimizations, Renderer, Session, VisibleBounds};
 use umbravox::scene::{Scene, Shading};
 use umbravox::shadow;
 use umbravox::transfer::{LabelRule, LabelVisibility, TransferFunction};
-use umbravox::volume::{Labels, Volume, Voxels};
+use umbravox::volume::{ByteCount, Labels, Volume, Voxels};
 
 /// Largest side of the small device's 3-D textures, texels: four pages.
 const LIMIT: u32 = 150;
@@ -65,7 +66,7 @@ fn waves([nx, ny, nz]: [usize; 3], kind: Kind) -> Arc<Volume> {
     if slope != 1.0 {
         let scaling = umbravox::volume::Scaling { slope, intercept };
         let (affine, provenance) = (volume.world_from_index(), volume.provenance.clone());
-        volume = Volume::new(volume.voxels().clone(), scaling, affine, provenance).unwrap();
+        volume = Volume::new(volume.resident().unwrap().clone(), scaling, affine, provenance).unwrap();
     }
     Arc::new(volume)
 }
@@ -164,6 +165,39 @@ fn labels_clip_planes_and_gradient_opacity_read_pages() {
         let Some(both) = sessions(volume, &tf) else { return };
         let scene = Scene { width: 64, height: 48, ..Scene::framing(volume) };
         assert_same(volume, &both, &scene, &["rays", "dsm:map=64"]);
+    }
+}
+
+/// Voxels that are read in parts are those in memory: in one texture, as pages, with labels and in a camera's framing.
+#[test]
+fn volumes_that_are_read_in_parts_are_drawn_the_same() {
+    let Some(renderers) = devices() else { return };
+    let crop = Some(",60:99,60:99".parse().unwrap());
+    let flags = ReadFlags { crop, ..ReadFlags::default() };
+    let [whole, parts] = [flags.clone(), ReadFlags { host_memory: Some(ByteCount(1)), ..flags }]
+        .map(|flags| load(&VolumeSpec { flags, ..VolumeSpec::new("phantom:struts:160") }).unwrap());
+    assert!(whole.parts().is_none() && parts.parts().is_some());
+    let label = |(k, j, i): (usize, usize, usize)| ((i / 40 + j / 20 + k / 30) % 2) as u8;
+    let labels = volume_of(Array3::from_shape_fn((40, 40, 160), label).into(), whole.world_from_index());
+    let labels = Arc::new(Labels::sampled(&labels, &whole).unwrap());
+    let tf = TransferFunction {
+        rules: vec![LabelRule { labels: vec![1], visibility: LabelVisibility::Hidden }],
+        ..extinction(&[(200.0, 0.0), (800.0, 0.5)])
+    };
+    for renderer in renderers {
+        let both =
+            [&whole, &parts].map(|volume| Arc::new(volume.clone().labelled(Arc::clone(&labels)).unwrap()));
+        let sessions = both.each_ref().map(|volume| {
+            Session::on(renderer, Arc::clone(volume), &tf, DisabledOptimizations::NONE).unwrap()
+        });
+        let [scene, of_parts] = both.each_ref().map(|volume| {
+            let bounds = VisibleBounds::of(volume, &tf, None);
+            let camera = bounds.framed(DVec3::new(0.3, -1.0, 0.2), DVec3::Z, 30.0, 1.0);
+            Scene { width: 64, height: 64, camera, ..Scene::framing(volume) }
+        });
+        assert_eq!(scene.camera, of_parts.camera);
+        assert_same(&both[0], &sessions, &scene, &["rays", "dsm"]);
+        both[1].check_reads().unwrap();
     }
 }
 

@@ -56,8 +56,8 @@ fn every_brick_holds_exactly_the_range_of_its_cells() {
         }
         // No corner lies outside, and none of the ranges is wider than its cells'. (The last brick of an axis may
         // hold a clamped voxel of the brick before it, which one of its own cells interpolates too.)
-        assert_eq!(bricks.min, min, "{n:?}");
-        assert_eq!(bricks.max, max, "{n:?}");
+        let expected: Vec<[f64; 2]> = min.into_iter().zip(max).map(|(min, max)| [min, max]).collect();
+        assert_eq!(bricks.all_ranges(), expected, "{n:?}");
     }
 }
 
@@ -113,13 +113,7 @@ fn classification_is_that_of_the_transfer_function() {
             .map(|_| [end(&mut random), end(&mut random)])
             .map(|[a, b]| [a.min(b), a.max(b)])
             .collect();
-        let bricks = Bricks {
-            counts: [4, 4, 4],
-            min: ranges.iter().map(|r| r[0]).collect(),
-            max: ranges.iter().map(|r| r[1]).collect(),
-            labels: None,
-            world_from_index: DAffine3::IDENTITY,
-        };
+        let bricks = Bricks::from_ranges([4; 3], &ranges, DAffine3::IDENTITY).unwrap();
         let active = ActiveBricks::of(&bricks, &tf);
         for ([min, max], distance) in ranges.into_iter().zip(&active.distance) {
             let expected = tf.points.iter().any(|p| p.value >= min && p.value <= max && p.amount > 0.0)
@@ -159,8 +153,8 @@ fn intervals_of_ordinary_functions() {
 /// Creates bricks of which some are active: those get value 1.
 fn seeded(counts: [usize; 3], is_active: impl FnMut(usize) -> bool) -> Bricks {
     let total = counts.iter().product();
-    let min: Vec<f64> = (0..total).map(is_active).map(|a| f64::from(u8::from(a))).collect();
-    Bricks { counts, max: min.clone(), min, labels: None, world_from_index: DAffine3::IDENTITY }
+    let ranges: Vec<_> = (0..total).map(is_active).map(|active| [f64::from(u8::from(active)); 2]).collect();
+    Bricks::from_ranges(counts, &ranges, DAffine3::IDENTITY).unwrap()
 }
 
 #[test]
@@ -174,7 +168,7 @@ fn distances_are_chebyshev() {
             let place =
                 |at: usize| [at % counts[0], at / counts[0] % counts[1], at / (counts[0] * counts[1])];
             let seeds: Vec<[usize; 3]> =
-                (0..bricks.len()).filter(|&at| bricks.min[at] > 0.0).map(place).collect();
+                (0..bricks.len()).filter(|&at| bricks.range(at)[0] > 0.0).map(place).collect();
             let active = ActiveBricks::of(&bricks, &tf);
             for at in 0..bricks.len() {
                 let here = place(at);

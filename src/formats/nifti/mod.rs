@@ -10,7 +10,7 @@ mod write;
 pub use self::write::{NIFTI_EXTENSIONS, write_nifti};
 
 use self::header::{HEADER_BYTES, Header};
-use super::common::{frame_warning, inexact_integers, refusal};
+use super::common::{frame_warning, refusal, with_integer_warning};
 use super::source::{Block, Source};
 use crate::error::Result;
 use crate::files::loading::Loading;
@@ -46,11 +46,10 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         (source, header_path, header_bytes)
     };
     let block = Block { dims, element, byte_order: header.byte_order, offset, frame };
-    let voxels = block.read(&mut data, at).map_err(refusal(data_path))?;
+    let storage = block.open(&mut data, at).map_err(refusal(data_path))?;
 
     let mut warnings = header_warnings(&header, element);
     warnings.splice(0..0, frame_warning);
-    warnings.extend(inexact_integers(&voxels, element));
     let (world_from_index, affine_source) = header.affine(&mut warnings);
     let provenance = Provenance {
         source: path.display().to_string(),
@@ -64,7 +63,8 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         segments: Vec::new(),
         warnings,
     };
-    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
+    let volume = Volume::from_storage(storage, scaling, world_from_index, provenance, loading)?;
+    Ok(with_integer_warning(volume, element))
 }
 
 /// Whether a file begins with a NIfTI header, gzipped or not.

@@ -6,6 +6,7 @@
 use super::header::DATATYPES;
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
+use crate::formats::write::Numbers;
 use crate::volume::Volume;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -32,16 +33,16 @@ pub fn write_nifti(volume: &Volume, path: &Path) -> Result<()> {
     check_output(path, NIFTI_EXTENSIONS)?;
     let header = header(volume).map_err(|why| Error::input("cannot write volume", path.display(), why))?;
     let is_gzipped = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
-    let voxels = volume.voxels().bytes();
+    let voxels = Numbers::stored(volume);
     write_whole(path, |file| {
         if is_gzipped {
             let mut stream = GzEncoder::new(file, Compression::fast());
             stream.write_all(&header)?;
-            stream.write_all(voxels)?;
+            voxels.write(&mut stream)?;
             stream.finish().map(|_| ())
         } else {
             file.write_all(&header)?;
-            file.write_all(voxels)
+            voxels.write(file)
         }
     })
 }
@@ -49,7 +50,7 @@ pub fn write_nifti(volume: &Volume, path: &Path) -> Result<()> {
 fn header(volume: &Volume) -> std::result::Result<[u8; VOX_OFFSET], String> {
     let mut header = [0u8; VOX_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
-    let element = volume.voxels().element();
+    let element = volume.element();
     let datatype = DATATYPES.iter().find(|(_, known)| *known == element).map_or(0, |(code, _)| *code);
     put(0, &348i32.to_le_bytes());
     put(40, &3i16.to_le_bytes());

@@ -7,7 +7,7 @@ mod skeleton;
 
 use self::skeleton::Skeleton;
 use super::assembly::Assembly;
-use super::common::{affine, inexact_integers, numbers, refusal};
+use super::common::{affine, numbers, refusal, with_integer_warning};
 use super::head::Head;
 use super::text_numbers::TextNumbers;
 use crate::error::Result;
@@ -57,13 +57,13 @@ pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
     let world_from_index = image.affine().map_err(&refuse)?;
     let open = || open().map(|file| Watched::new(file, bytes, loading));
     let voxels = image.voxels(&pieces, element, open).map_err(refuse)?;
-    warnings.extend(inexact_integers(&voxels, element));
     let provenance = Provenance {
         affine_source: AffineSource::Axes,
         warnings,
         ..Provenance::new(path.display().to_string(), "vti", element.describe(image.byte_order()))
     };
-    Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
+    let volume = Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)?;
+    Ok(with_integer_warning(volume, element))
 }
 
 /// Position of the voxels of a VTK image: at the grid points or at the cell centres.

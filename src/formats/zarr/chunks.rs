@@ -5,7 +5,7 @@ use super::metadata::{Array, Layout, Shards};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::element::grid_bytes;
 use crate::volume::read::with_element;
-use crate::volume::{Voxel, Voxels};
+use crate::volume::{IndexBox, Voxel, Voxels};
 use ndarray::{Array3, ArrayViewMutD, Axis, Dimension, IxDyn, ShapeBuilder, Slice};
 use rayon::prelude::*;
 use std::fs::File;
@@ -86,7 +86,7 @@ impl SubVolume<'_> {
 
     /// Returns an error if a Zarr array claims more data than its files can hold. The check comes before any memory
     /// is allocated.
-    fn check_claims(&self) -> Result<(), String> {
+    pub(super) fn check_claims(&self) -> Result<(), String> {
         let Array { element, layout, .. } = self.array;
         let product = |sizes: &[usize]| {
             sizes.iter().try_fold(element.bytes() as u64, |bytes, n| bytes.checked_mul(*n as u64))
@@ -122,6 +122,53 @@ impl SubVolume<'_> {
         with_element!(*element, layout.byte_order, convert => self.gather(loading, *fill, convert))
     }
 
+    /// Returns the number of voxels of a chunk along x, y and z.
+    pub(super) fn chunk_sides(&self) -> [usize; 3] {
+        self.space.map(|axis| axis.map_or(1, |axis| self.array.layout.shape[axis]))
+    }
+
+    /// Reads a box of voxels that lies in one chunk.
+    ///
+    /// # Errors
+    /// The chunk cannot be read.
+    pub(super) fn read_chunk_box(&self, part: &IndexBox) -> Result<Voxels, String> {
+        let Array { element, layout, .. } = self.array;
+        with_element!(*element, layout.byte_order, convert => self.gather_box(part, convert))
+    }
+
+    fn gather_box<T: Voxel, const N: usize>(
+        &self,
+        part: &IndexBox,
+        convert: impl Fn([u8; N]) -> T,
+    ) -> Result<Array3<T>, String> {
+        let sides = part.each_ref().map(|range| range.len());
+        let mut values = vec![T::from_f64(self.array.fill); sides.iter().product()];
+        let first = part.each_ref().map(|range| range.start);
+        let slab = &mut self.slab(&mut values, first, sides)?;
+        let file_sides = self.array.file_shape();
+        let place = self.place(std::array::from_fn(|along| {
+            self.space[along].map_or(0, |axis| first[along] / file_sides[axis])
+        }));
+        self.read_named(&place, slab, &convert)?;
+        let [nx, ny, nz] = sides;
+        Array3::from_shape_vec((nz, ny, nx), values).map_err(|e| e.to_string())
+    }
+
+    /// Reads a chunk or shard file into a slab; an error names the file.
+    fn read_named<T: Copy, const N: usize>(
+        &self,
+        place: &[usize],
+        slab: &mut Slab<'_, T>,
+        convert: &impl Fn([u8; N]) -> T,
+    ) -> Result<(), String> {
+        let path = self.array.file_of(place);
+        let named = |e: io::Error| {
+            let name = path.strip_prefix(&self.array.folder).unwrap_or(&path);
+            format!("chunk {}: {e}", name.display())
+        };
+        self.read_file(&path, place, slab, convert).map_err(named)
+    }
+
     fn gather<T: Voxel, const N: usize>(
         &self,
         loading: &Loading,
@@ -136,18 +183,13 @@ impl SubVolume<'_> {
         let [across, down, files_deep] = self.files();
         let pieces = loading.pieces(ReadingStage::Unpacking, across * down * files_deep);
         all.par_chunks_mut(nx * ny * depth).enumerate().try_for_each(|(z, out)| {
-            let slab = &mut self.slab(out, z * depth)?;
+            let slices = out.len() / (nx * ny);
+            let slab = &mut self.slab(out, [0, 0, z * depth], [nx, ny, slices])?;
             for (y, x) in (0..down).flat_map(|y| (0..across).map(move |x| (y, x))) {
                 if pieces.is_cancelled() {
                     return Err("it was cancelled".to_string());
                 }
-                let place = self.place([x, y, z]);
-                let path = self.array.file_of(&place);
-                let named = |e: io::Error| {
-                    let name = path.strip_prefix(&self.array.folder).unwrap_or(&path);
-                    format!("chunk {}: {e}", name.display())
-                };
-                self.read_file(&path, &place, slab, &convert).map_err(named)?;
+                self.read_named(&self.place([x, y, z]), slab, &convert)?;
                 pieces.done();
             }
             Ok(())
@@ -155,24 +197,26 @@ impl SubVolume<'_> {
         Array3::from_shape_vec((nz, ny, nx), all).map_err(|e| e.to_string())
     }
 
-    /// Creates a slab of consecutive z slices of the volume, from slice `first` on, as a view with the axes of the
-    /// Zarr array.
-    fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Result<Slab<'o, T>, String> {
-        let [nx, ny, _] = self.dims();
-        let (sizes, strides) = ([nx, ny, out.len() / (nx * ny)], [1, nx, nx * ny]);
+    /// Creates a slab of `sizes` voxels from the voxel `first` on, as a view with the axes of the Zarr array.
+    fn slab<'o, T>(
+        &self,
+        out: &'o mut [T],
+        first: [usize; 3],
+        sizes: [usize; 3],
+    ) -> Result<Slab<'o, T>, String> {
+        let strides = [1, sizes[0], sizes[0] * sizes[1]];
         let axes = self.fixed.len();
         let (mut from, mut shape, mut steps) = (self.fixed.clone(), vec![1; axes], vec![0; axes]);
         for (along, axis) in self.space.iter().enumerate() {
             if let Some(axis) = *axis {
-                (from[axis], shape[axis], steps[axis]) =
-                    (if along == 2 { first } else { 0 }, sizes[along], strides[along]);
+                (from[axis], shape[axis], steps[axis]) = (first[along], sizes[along], strides[along]);
             }
         }
         let voxels = ArrayViewMutD::from_shape(IxDyn(&shape).strides(IxDyn(&steps)), out);
         Ok(Slab { voxels: voxels.map_err(|e| e.to_string())?, from })
     }
 
-    /// Reads one Zarr chunk or shard file into a slab of consecutive z slices of the volume, if the file exists.
+    /// Reads one Zarr chunk or shard file into a slab of the volume, if the file exists.
     fn read_file<T: Copy, const N: usize>(
         &self,
         path: &Path,
@@ -210,7 +254,7 @@ impl SubVolume<'_> {
         Ok(())
     }
 
-    /// Reads a Zarr chunk from a byte range of a file into a slab of consecutive z slices. Skips a chunk that has no
+    /// Reads a Zarr chunk from a byte range of a file into a slab. Skips a chunk that has no
     /// voxels in the slab.
     fn read_chunk<T: Copy, const N: usize>(
         &self,
@@ -273,7 +317,7 @@ impl SubVolume<'_> {
     }
 }
 
-/// Slab of consecutive z slices of the volume, as a view with the axes of the Zarr array.
+/// Slab of voxels of the volume, as a view with the axes of the Zarr array.
 struct Slab<'a, T> {
     voxels: ArrayViewMutD<'a, T>,
     /// Index of the first element of the slab along each axis of the Zarr array.

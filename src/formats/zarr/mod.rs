@@ -8,16 +8,18 @@ mod chunks;
 mod compression;
 mod metadata;
 mod multiscales;
+mod parts;
 
 use self::chunks::SubVolume;
 use self::metadata::Array;
 use self::multiscales::{Axis, Group, Image, Level};
-use super::common::{frame_warning, inexact_integers, refusal, sibling};
+use self::parts::ZarrVoxels;
+use super::common::{frame_warning, refusal, sibling, with_integer_warning};
 use super::head::Head;
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::files::memory_budget::{host_bytes, refuse_beyond_host};
-use crate::volume::{AffineSource, Provenance, Scaling, Volume};
+use crate::volume::{AffineSource, Provenance, Scaling, Volume, VoxelStorage};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Path, PathBuf};
 
@@ -52,6 +54,8 @@ pub struct Choice {
     pub level: Option<usize>,
     /// Index of the frame to read, counted over all non-spatial axes of the Zarr array.
     pub frame: usize,
+    /// Whether volumes may be read in parts, so that the finest level need not fit host memory.
+    pub is_in_parts: bool,
     /// Voxel size in mm that overrides the scale of the OME-Zarr metadata.
     pub spacing_mm: Option<[f64; 3]>,
 }
@@ -70,12 +74,19 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
     let frames = chosen.frames().map_err(&refuse)?;
     warnings.extend(frame_warning(path, choice.frame, frames)?);
     let part = chosen.sub_volume(choice.frame);
-    refuse_beyond_host(part.memory_bytes()).map_err(|why| {
-        let coarser = "--level selects a coarser level";
-        if store.levels.len() > 1 { refuse(why).hint(coarser) } else { refuse(why) }
-    })?;
-    let voxels = part.read(loading).map_err(&refuse)?;
-    warnings.extend(inexact_integers(&voxels, chosen.array.element));
+    let storage = match loading.limit_for_parts(part.dims(), chosen.array.element.memory_bytes()) {
+        Some(host_bytes) => {
+            let source = ZarrVoxels::new(path.into(), &part, host_bytes).map_err(&refuse)?;
+            VoxelStorage::in_parts(source, host_bytes)
+        }
+        None => {
+            refuse_beyond_host(part.memory_bytes()).map_err(|why| {
+                let coarser = "--level selects a coarser level";
+                if store.levels.len() > 1 { refuse(why).hint(coarser) } else { refuse(why) }
+            })?;
+            part.read(loading).map_err(&refuse)?.into()
+        }
+    };
     let stored_type = chosen.array.element.describe(chosen.array.layout.byte_order);
     let provenance = Provenance {
         affine_source,
@@ -84,7 +95,8 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
         warnings,
         ..Provenance::new(path.display().to_string(), "zarr", stored_type)
     };
-    Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
+    let volume = Volume::from_storage(storage, Scaling::IDENTITY, world_from_index, provenance, loading)?;
+    Ok(with_integer_warning(volume, chosen.array.element))
 }
 
 /// Lists the files that hold one frame of an OME-Zarr store at one resolution level: metadata and chunks.
@@ -180,7 +192,8 @@ impl Store {
             let bytes = chosen.sub_volume(0).memory_bytes();
             chosen.dims().iter().all(|n| *n <= MAX_SIDE) && bytes.is_some_and(|bytes| bytes <= max_bytes)
         };
-        let finest = all.iter().position(fits).unwrap_or(count - 1);
+        let fitting = all.iter().position(fits).unwrap_or(count - 1);
+        let finest = if choice.is_in_parts { 0 } else { fitting };
         let at = choice.level.unwrap_or(finest);
         let [nx, ny, nz] = all.get(at).map_or([0; 3], ChosenLevel::dims);
         let Some(chosen) = all.into_iter().nth(at) else {

@@ -3,12 +3,14 @@
 use glam::{Mat3, Vec2, Vec3, vec2, vec3};
 
 /// Solid with one CT number (HU). It is a union of primitives without edges between them.
+#[derive(Debug)]
 pub struct Solid {
     pub hu: f32,
     pub parts: Vec<Part>,
 }
 
 /// Geometric primitive of a solid: tube, ellipsoid, plate or drum.
+#[derive(Debug)]
 pub struct Part {
     /// Corners of the bounding box of the geometric primitive, mm.
     pub low: Vec3,
@@ -16,6 +18,7 @@ pub struct Part {
     kind: Kind,
 }
 
+#[derive(Debug)]
 enum Kind {
     /// Tube: a round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
     Tube { a: Vec3, along: Vec3, radii: [f32; 2], flatten: f32 },

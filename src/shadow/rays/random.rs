@@ -63,7 +63,8 @@ fn brick_extinctions(bricks: &Bricks, transfer: &DeviceTransfer, has_control: bo
     let shifts = &transfer.label_shifts;
     let range = |brick: usize| {
         let of = |shift: f64| {
-            let [min, max] = [bricks.min[brick] - rounding, bricks.max[brick] + rounding].map(|v| v + shift);
+            let [min, max] = bricks.range(brick);
+            let [min, max] = [min - rounding, max + rounding].map(|v| v + shift);
             tf.extinction_bounds(min, max)
         };
         let Some(labels) = bricks.labels.as_ref().filter(|_| !shifts.is_empty()) else { return of(0.0) };

@@ -85,7 +85,7 @@ fn affines() {
 #[test]
 fn stored_types() {
     let values = rough_volume(DAffine3::IDENTITY);
-    let Voxels::F64(array) = values.voxels() else { unreachable!("rough_volume stores f64") };
+    let Voxels::F64(array) = values.resident().unwrap() else { unreachable!("rough_volume stores f64") };
     let stored = [
         (Voxels::U8(array.mapv(|v| v as u8)), Scaling::IDENTITY),
         (Voxels::U16(array.mapv(|v| v as u16 + 1000)), Scaling { slope: 1.0, intercept: -1000.0 }),

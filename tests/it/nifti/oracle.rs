@@ -33,7 +33,7 @@ fn voxels_are_those_of_the_nifti_crate() {
         for name in ["a.nii", "a.nii.gz"] {
             let theirs = voxels_by_crate::<i16>(&folder.path(name)).unwrap();
             let ours = folder.read(name).unwrap();
-            assert_eq!(ours.voxels().element(), umbravox::volume::Element::I16);
+            assert_eq!(ours.element(), umbravox::volume::Element::I16);
             assert_eq!(values(&ours), theirs.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), "{name}");
         }
     }

@@ -1,0 +1,143 @@
+//! Voxels of a phantom, computed for any box of the volume.
+
+use super::foam::Foam;
+use super::media::{Metaballs, sheets};
+use super::{CUBE_MM, INSIDE, Phantom, thorax};
+use crate::error::Result;
+use crate::files::loading::{Loading, ReadingStage};
+use crate::volume::{Element, IndexBox, VoxelSource, Voxels};
+use glam::DVec3;
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// Phantom of a given size, whose voxels are computed where they are needed.
+#[derive(Debug)]
+pub(super) struct Formula {
+    phantom: Phantom,
+    /// Number of voxels along the longest side.
+    size: usize,
+    foam: OnceLock<Foam>,
+    balls: OnceLock<Metaballs>,
+    solids: OnceLock<Vec<thorax::Solid>>,
+}
+
+impl VoxelSource for Formula {
+    fn dims(&self) -> [usize; 3] {
+        match self.phantom {
+            Phantom::Thorax => thorax::dims(self.size),
+            _ => [self.size; 3],
+        }
+    }
+
+    fn element(&self) -> Element {
+        match self.phantom {
+            Phantom::Sphere | Phantom::Shell => Element::F32,
+            _ => Element::I16,
+        }
+    }
+
+    fn read(&self, part: &IndexBox) -> Result<Voxels> {
+        Ok(self.voxels(part, &Loading::default()))
+    }
+}
+
+impl Formula {
+    /// Phantom with `size` voxels along the longest side.
+    pub fn new(phantom: Phantom, size: usize) -> Self {
+        let (foam, balls, solids) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Self { phantom, size, foam, balls, solids }
+    }
+
+    /// Returns the distance between voxels, mm.
+    pub fn spacing_mm(&self) -> [f64; 3] {
+        match self.phantom {
+            Phantom::Thorax => thorax::spacing_mm(self.size),
+            _ => [CUBE_MM / self.size as f64; 3],
+        }
+    }
+
+    /// Computes the voxels of a box; they are incomplete if `loading` was cancelled.
+    pub fn voxels(&self, part: &IndexBox, loading: &Loading) -> Voxels {
+        let size = self.size;
+        match self.phantom {
+            Phantom::Thorax => {
+                thorax::build(size, self.solids.get_or_init(thorax::solids), part, loading).into()
+            }
+            Phantom::Slab => solid(part, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
+            Phantom::Step => solid(part, loading, |[i, _, _]| i >= size / 2),
+            Phantom::Comb => solid(part, loading, |[_, _, k]| k % 4 == 2),
+            Phantom::Sphere => self.radial(part, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
+            Phantom::Shell => self.radial(part, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
+            Phantom::Cloud => {
+                let balls = self.balls.get_or_init(Metaballs::cloud);
+                self.medium(part, loading, |at| balls.share(at))
+            }
+            Phantom::Smoke => {
+                let balls = self.balls.get_or_init(Metaballs::smoke);
+                self.medium(part, loading, |at| balls.share(at))
+            }
+            Phantom::Foam => self.foam.get_or_init(Foam::closed).voxels(size, part, loading).into(),
+            Phantom::Struts => self.foam.get_or_init(Foam::open).voxels(size, part, loading).into(),
+            Phantom::Sheets => self.medium(part, loading, sheets),
+        }
+    }
+
+    /// Computes voxels that are [`INSIDE`] times a function of the distance from the centre in mm.
+    fn radial(&self, part: &IndexBox, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
+        let size = self.size;
+        let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
+        let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
+        fill(part, loading, value).into()
+    }
+
+    /// Computes voxels that are [`INSIDE`] times a function of the position, rounded to integers. Positions are in units of
+    /// half the cube's edge.
+    fn medium(&self, part: &IndexBox, loading: &Loading, share: impl Fn(DVec3) -> f64 + Sync) -> Voxels {
+        let position = |at: [usize; 3]| DVec3::from_array(at.map(|i| centred(i, self.size)));
+        fill(part, loading, |at| (INSIDE * share(position(at))).round() as i16).into()
+    }
+}
+
+/// Returns the position of a voxel centre along an axis, in units of half the cube's edge.
+pub(super) fn centred(i: usize, size: usize) -> f64 {
+    (2.0 * i as f64 + 1.0) / size as f64 - 1.0
+}
+
+/// Computes voxels that are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
+fn solid(part: &IndexBox, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
+    fill(part, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }).into()
+}
+
+/// Computes the voxels of a box from a function of the voxel index `[i, j, k]`; they are incomplete if `loading` was
+/// cancelled.
+fn fill<T: Copy + Default + Send + Sync>(
+    part: &IndexBox,
+    loading: &Loading,
+    value: impl Fn([usize; 3]) -> T + Sync,
+) -> Array3<T> {
+    by_slices(part, loading, |k, slice| {
+        let [xs, ys, _] = part;
+        for (j, row) in ys.clone().zip(slice.chunks_exact_mut(xs.len())) {
+            xs.clone().zip(row).for_each(|(i, v)| *v = value([i, j, k]));
+        }
+    })
+}
+
+/// Computes the voxels of a box slice by slice, in parallel; they are incomplete if `loading` was cancelled.
+pub(super) fn by_slices<T: Copy + Default + Send + Sync>(
+    [xs, ys, zs]: &IndexBox,
+    loading: &Loading,
+    compute: impl Fn(usize, &mut [T]) + Sync,
+) -> Array3<T> {
+    let mut voxels = Array3::default((zs.len(), ys.len(), xs.len()));
+    let slices = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut((xs.len() * ys.len()).max(1));
+    let pieces = loading.pieces(ReadingStage::Building, zs.len());
+    zs.clone().into_par_iter().zip(slices).for_each(|(k, slice)| {
+        if !pieces.is_cancelled() {
+            compute(k, slice);
+            pieces.done();
+        }
+    });
+    voxels
+}

@@ -1,0 +1,206 @@
+//! Storage of the voxels of a volume: in host memory, or read in parts from a source.
+
+use super::Volume;
+use super::element::{Element, grid_bytes};
+use super::source::{IndexBox, VoxelParts, VoxelSource, replace_non_finite};
+use super::voxels::Voxels;
+use crate::error::Result;
+use crate::with_voxels;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Voxels of a volume: in host memory, or read in parts from a source.
+#[derive(Debug, Clone)]
+pub enum VoxelStorage {
+    /// All voxels, in host memory.
+    Resident(Voxels),
+    /// Source of the voxels, which are read in parts.
+    Parts(Arc<VoxelParts>),
+}
+
+impl From<Voxels> for VoxelStorage {
+    fn from(voxels: Voxels) -> Self {
+        Self::Resident(voxels)
+    }
+}
+
+impl VoxelStorage {
+    /// Takes voxels that are read in parts, with a limit on host memory in bytes.
+    pub fn in_parts(source: impl VoxelSource + 'static, host_bytes: u64) -> Self {
+        Self::Parts(Arc::new(VoxelParts::new(Box::new(source), host_bytes)))
+    }
+
+    /// Takes voxels from a source with a limit on host memory in bytes: all of them if they fit, else in parts.
+    ///
+    /// # Errors
+    /// The voxels cannot be read.
+    pub fn limited(source: impl VoxelSource + 'static, host_bytes: u64) -> Result<Self> {
+        let dims = source.dims();
+        let bytes = grid_bytes(dims, source.element().memory_bytes());
+        match bytes.is_some_and(|bytes| bytes <= host_bytes) {
+            true => source.read(&dims.map(|n| 0..n)).map(Self::Resident),
+            false => Ok(Self::in_parts(source, host_bytes)),
+        }
+    }
+
+    /// Returns the number of voxels along x, y and z.
+    pub fn dims(&self) -> [usize; 3] {
+        match self {
+            Self::Resident(voxels) => voxels.dims(),
+            Self::Parts(parts) => parts.dims(),
+        }
+    }
+
+    /// Returns the number type of the voxels in memory.
+    pub fn element(&self) -> Element {
+        match self {
+            Self::Resident(voxels) => voxels.element(),
+            Self::Parts(parts) => parts.element(),
+        }
+    }
+
+    /// Whether voxels in host memory are not contiguous with x fastest.
+    pub(super) fn is_scattered(&self) -> bool {
+        matches!(self, Self::Resident(voxels) if with_voxels!(voxels, a => !a.is_standard_layout()))
+    }
+
+    /// Sets voxels that are NaN or infinite to the value `stored`.
+    pub(super) fn replace_non_finite(&mut self, stored: f64) {
+        match self {
+            Self::Resident(voxels) => {
+                replace_non_finite(voxels, stored);
+            }
+            Self::Parts(parts) => parts.replace_non_finite_by(stored),
+        }
+    }
+
+    /// Returns a block that holds the voxels of a box.
+    pub(super) fn block(&self, part: &IndexBox) -> Result<VoxelBlock<'_>> {
+        Ok(match self {
+            Self::Resident(voxels) => VoxelBlock::whole(voxels),
+            Self::Parts(parts) => VoxelBlock::of_part(parts.read(part)?, part),
+        })
+    }
+
+    /// Returns slabs of slices that cover the volume in order, see [`Volume::slabs`].
+    pub(super) fn slabs(
+        &self,
+        before: usize,
+        align: usize,
+    ) -> impl Iterator<Item = Result<(Range<usize>, VoxelBlock<'_>)>> {
+        let [nx, ny, nz] = self.dims();
+        let step = match self {
+            Self::Resident(_) => nz,
+            Self::Parts(parts) => parts.slab_slices(align),
+        };
+        (0..nz).step_by(step.max(1)).map(move |first| {
+            let slices = first..(first + step).min(nz);
+            let part = [0..nx, 0..ny, first.saturating_sub(before)..slices.end];
+            Ok((slices, self.block(&part)?))
+        })
+    }
+}
+
+/// Block of voxels of a volume.
+#[derive(Debug)]
+pub struct VoxelBlock<'a> {
+    voxels: Cow<'a, Voxels>,
+    /// Index in the volume of the first voxel of the block, along x, y and z.
+    first: [usize; 3],
+}
+
+impl<'a> VoxelBlock<'a> {
+    fn whole(voxels: &'a Voxels) -> Self {
+        Self { voxels: Cow::Borrowed(voxels), first: [0; 3] }
+    }
+
+    fn of_part(voxels: Voxels, part: &IndexBox) -> Self {
+        Self { voxels: Cow::Owned(voxels), first: part.each_ref().map(|range| range.start) }
+    }
+
+    /// Returns the voxels of the block.
+    pub fn voxels(&self) -> &Voxels {
+        &self.voxels
+    }
+
+    /// Returns the index in the volume of the first voxel of the block, along x, y and z.
+    pub fn first(&self) -> [usize; 3] {
+        self.first
+    }
+
+    /// Returns the stored value of the voxel with this index in the volume.
+    pub fn stored(&self, index: [usize; 3]) -> f64 {
+        self.voxels.stored(std::array::from_fn(|axis| index[axis] - self.first[axis]))
+    }
+
+    /// Returns the place in the block's memory of the voxel with this index in the volume.
+    pub fn place(&self, [i, j, k]: [usize; 3]) -> usize {
+        let ([nx, ny, _], [x, y, z]) = (self.voxels.dims(), self.first);
+        ((k - z) * ny + (j - y)) * nx + (i - x)
+    }
+}
+
+impl Volume {
+    /// Returns the voxels, or the source that they are read from.
+    pub fn storage(&self) -> &VoxelStorage {
+        &self.storage
+    }
+
+    /// Returns the voxels if they are in host memory; `None` for a volume that is read in parts.
+    pub fn resident(&self) -> Option<&Voxels> {
+        match &self.storage {
+            VoxelStorage::Resident(voxels) => Some(voxels),
+            VoxelStorage::Parts(_) => None,
+        }
+    }
+
+    /// Returns the source of a volume that is read in parts.
+    pub fn parts(&self) -> Option<&Arc<VoxelParts>> {
+        match &self.storage {
+            VoxelStorage::Resident(_) => None,
+            VoxelStorage::Parts(parts) => Some(parts),
+        }
+    }
+
+    /// Returns the number type of the voxels in memory.
+    pub fn element(&self) -> Element {
+        self.storage.element()
+    }
+
+    /// Returns a block that holds at least the voxels of a box; the whole volume if it is in host memory.
+    ///
+    /// # Errors
+    /// The voxels cannot be read.
+    pub fn block(&self, part: &IndexBox) -> Result<VoxelBlock<'_>> {
+        self.storage.block(part)
+    }
+
+    /// Returns a block that holds at least the voxels of a box. If they cannot be read, its values are 0, and
+    /// [`Self::check_reads`] returns the error.
+    pub fn block_or_zeros(&self, part: &IndexBox) -> VoxelBlock<'_> {
+        match &self.storage {
+            VoxelStorage::Resident(voxels) => VoxelBlock::whole(voxels),
+            VoxelStorage::Parts(parts) => VoxelBlock::of_part(parts.read_or_zeros(part), part),
+        }
+    }
+
+    /// Returns slabs of slices that cover the volume in order: the slices that each is for, and a block that holds them and
+    /// at least the `before` slices before them. Each slab but the last has a multiple of `align` slices. A volume in host
+    /// memory is one slab.
+    pub fn slabs(
+        &self,
+        before: usize,
+        align: usize,
+    ) -> impl Iterator<Item = Result<(Range<usize>, VoxelBlock<'_>)>> {
+        self.storage.slabs(before, align)
+    }
+
+    /// Returns an error if voxels could not be read where a result could not say so.
+    ///
+    /// # Errors
+    /// The first error of such a read.
+    pub fn check_reads(&self) -> Result<()> {
+        self.parts().and_then(|parts| parts.failure()).map_or(Ok(()), |error| Err(error.clone()))
+    }
+}
