@@ -168,6 +168,7 @@ impl PyScene {
                     let part = field.picture_rows(&scene, rows.clone());
                     picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
                 }
+                field.volume().check_reads()?;
                 Ok(picture)
             },
         )?;
@@ -192,7 +193,10 @@ impl PyScene {
             let found = self.done(py, |cancellation| {
                 let (inputs, scene) = self.state.exact(&request, cancellation)?;
                 let (field, source) = (inputs.field(), scene.lights.first().cloned().unwrap_or_default());
-                in_pieces(&points, cancellation, |p| field.transmittance_from(*p, &source).value)
+                let found =
+                    in_pieces(&points, cancellation, |p| field.transmittance_from(*p, &source).value)?;
+                field.volume().check_reads()?;
+                Ok(found)
             })?;
             return Ok(shaped(py, found, shape)?);
         }
@@ -230,7 +234,9 @@ impl PyScene {
         let found = self.done(py, |cancellation| {
             let (inputs, _) = self.state.exact(&request, cancellation)?;
             let field = inputs.field();
-            in_pieces(&segments, cancellation, |(a, b)| field.optical_depth(*a, *b))
+            let found = in_pieces(&segments, cancellation, |(a, b)| field.optical_depth(*a, *b))?;
+            field.volume().check_reads()?;
+            Ok(found)
         })?;
         Ok(shaped(py, found, shape)?)
     }

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use umbravox::error::Error;
 use umbravox::files::loading::Loading;
+use umbravox::files::memory_budget::check_grid;
 use umbravox::formats::write_volume;
 use umbravox::open::{Diagnostic, Level, Read, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
@@ -196,14 +197,17 @@ impl PyVolume {
     }
 
     /// Returns a copy of the voxel values with axes i, j, k: in the stored type without scaling, else float64.
-    fn voxels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn voxels<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         let volume = &self.input.volume;
         let scaling = volume.scaling();
-        let array = with_voxels!(volume.voxels(), a => match scaling == Scaling::IDENTITY {
+        check_grid(volume.dims(), volume.element().memory_bytes())
+            .map_err(|why| Error::runtime("cannot copy voxels", &volume.provenance.source, why))?;
+        let block = volume.block(&volume.dims().map(|n| 0..n))?;
+        let array = with_voxels!(block.voxels(), a => match scaling == Scaling::IDENTITY {
             true => a.clone().into_pyarray(py).into_any(),
             false => a.mapv(|v| scaling.apply(v.to_f64())).into_pyarray(py).into_any(),
         });
-        array.getattr("T")
+        Ok(array.getattr("T")?)
     }
 
     /// Returns the voxel values as a NumPy array.
@@ -269,7 +273,7 @@ pub fn read(
 pub fn reading(settings: &SceneSettings) -> SceneSettings {
     let mut reads = SceneSettings {
         volume: settings.volume.clone(),
-        read_flags: settings.read_flags,
+        read_flags: settings.read_flags.clone(),
         sha256: settings.sha256.clone(),
         ..SceneSettings::default()
     };

@@ -51,6 +51,8 @@ class FormatArguments(TypedDict, total=False):
     level: int | None
     crop: str | None
     downsample: bool | str | None
+    host_memory: str | None
+    scratch: _Path | None
     thickness: float | str | None
     resolution: int | str | None
     kernel: str | None

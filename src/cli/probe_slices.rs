@@ -45,7 +45,9 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, count: u32, output: &Path) 
     let shadow = session.shadow(method.as_ref(), scene.light())?;
     let field = ExactField::new(&volume, &tf);
     let mut records = Vec::new();
-    for (number, slice) in map_slices(&session, &shadow, &field, scene.light(), count)?.iter().enumerate() {
+    let slices = map_slices(&session, &shadow, &field, scene.light(), count)?;
+    volume.check_reads()?;
+    for (number, slice) in slices.iter().enumerate() {
         let picture = with_suffix(output, &format!("_{number:04}"));
         write_picture(&picture, &grey(&slice.method))?;
         write_picture(&with_suffix(output, &format!("_{number:04}_exact")), &grey(&slice.exact))?;
@@ -58,7 +60,6 @@ pub fn run(settings: &SceneSettings, run: &RunFlags, count: u32, output: &Path) 
             largest_error: errors.fold(0.0, f64::max),
         });
     }
-    volume.check_reads()?;
     print_message("written", &format_args!("{} pictures beside {}", 2 * records.len(), output.display()));
     if run.json {
         return print_json(&records);

@@ -343,7 +343,7 @@ impl Summary {
             method: method.name(),
             params: method.params(),
             pages: transfer.pages,
-            reading: loaded.volume.parts().map(|parts| parts.usage()),
+            reading: loaded.volume.out_of_core().map(|parts| parts.usage()),
             table_ms: transfer.table_ms,
             march_table_ms: transfer.march_table().map(|t| t.table_ms),
             classify_ms: transfer.classify_ms,

@@ -1,6 +1,6 @@
 //! Access to the voxels of a volume for the exact reference: in host memory, or by chunks that are read when they are needed.
 
-use crate::volume::{CHUNK_CELLS, Voxel, VoxelParts, Voxels};
+use crate::volume::{CHUNK_CELLS, OutOfCoreVoxels, Voxel, Voxels};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ impl<V: Voxel> VoxelAccess for Resident<'_, V> {
 
 /// Voxels that are read in parts; it keeps the chunk of the last cell.
 pub(super) struct Chunked<'a, V> {
-    parts: &'a VoxelParts,
+    parts: &'a OutOfCoreVoxels,
     dims: [usize; 3],
     chunk: [usize; 3],
     /// Voxels of the chunk, and their number along each axis.
@@ -37,7 +37,7 @@ pub(super) struct Chunked<'a, V> {
 }
 
 impl<'a, V: Voxel> Chunked<'a, V> {
-    pub fn new(parts: &'a VoxelParts) -> Self {
+    pub fn new(parts: &'a OutOfCoreVoxels) -> Self {
         let dims = parts.dims();
         Self { parts, dims, chunk: [0; 3], voxels: None, number_type: PhantomData }
     }
@@ -72,7 +72,7 @@ macro_rules! with_access {
                 let $access = &mut $crate::exact::voxel_access::Resident($crate::exact::contiguous(array));
                 $body
             }),
-            $crate::volume::VoxelStorage::Parts(parts) => $crate::with_voxel_type!(parts.element(), V => {
+            $crate::volume::VoxelStorage::OutOfCore(parts) => $crate::with_voxel_type!(parts.element(), V => {
                 let $access = &mut $crate::exact::voxel_access::Chunked::<V>::new(parts);
                 $body
             }),

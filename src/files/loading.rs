@@ -145,12 +145,16 @@ impl Loading {
     }
 
     /// Returns the limit on host memory, in bytes, for a reader that must read a volume in parts; `None` if all of its
-    /// voxels fit, or if it is downsampled while it is read.
-    pub fn limit_for_parts(&self, dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
-        let state = self.lock();
-        let limit = state.host.bytes.filter(|_| state.budget.is_none())?;
+    /// voxels fit.
+    pub fn out_of_core_limit(&self, dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
+        let limit = self.lock().host.bytes?;
         let fits = grid_bytes(dims, voxel_bytes).is_some_and(|bytes| bytes <= limit);
         (!fits).then_some(limit)
+    }
+
+    /// Whether readers that can downsample while they read shall do so.
+    pub fn is_reducing(&self) -> bool {
+        self.lock().budget.is_some()
     }
 
     /// Returns the folder for the voxels of compressed files that exceed host memory.

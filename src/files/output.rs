@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use tempfile::{Builder, NamedTempFile, SpooledTempFile};
+use tempfile::{Builder, NamedTempFile, SpooledTempFile, TempPath};
 
 const WHAT: &str = "cannot write file";
 const WHAT_FOLDER: &str = "cannot write to folder";
@@ -32,6 +32,34 @@ pub fn abandon_and(end: fn() -> !) -> ! {
         let _ = std::fs::remove_file(file);
     }
     end()
+}
+
+/// Path of a temporary file, which is removed with it, or at the end of the program.
+#[derive(Debug)]
+pub struct TemporaryFile(TempPath);
+
+impl TemporaryFile {
+    /// Creates a temporary file in a folder, and opens it for writing.
+    ///
+    /// # Errors
+    /// The folder is not writable.
+    pub fn create_in(folder: &Path) -> io::Result<(File, Self)> {
+        let mut begun = begun();
+        let (file, path) = Builder::new().prefix("umbravox-").tempfile_in(folder)?.into_parts();
+        begun.insert(path.to_path_buf());
+        Ok((file, Self(path)))
+    }
+
+    /// Returns the path of the file.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for TemporaryFile {
+    fn drop(&mut self) {
+        begun().remove(self.path());
+    }
 }
 
 /// Whether an output is standard output instead of a file: `-`.

@@ -2,6 +2,7 @@
 
 use super::common::refusal;
 use crate::error::Result;
+use crate::files::output::TemporaryFile;
 use crate::volume::read::with_element;
 use crate::volume::{ByteOrder, Element, IndexBox, Voxel, VoxelSource, Voxels};
 use ndarray::Array3;
@@ -9,10 +10,12 @@ use rayon::prelude::*;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::PathBuf;
-use tempfile::TempPath;
 
 /// Share of a row of voxels from which on whole rows are read: fewer, larger reads are faster.
 const WHOLE_ROWS: usize = 8;
+
+/// Number of bytes that a thread reads together.
+const READ_BYTES: usize = 1 << 20;
 
 /// Voxels in a file, x fastest, from a byte offset on.
 #[derive(Debug)]
@@ -27,7 +30,7 @@ pub(super) struct FileVoxels {
     pub byte_order: ByteOrder,
     /// Decompressed copy at `path`, which is removed with the volume.
     #[expect(dead_code, reason = "removes the file when it is dropped")]
-    pub copy: Option<TempPath>,
+    pub copy: Option<TemporaryFile>,
 }
 
 impl VoxelSource for FileVoxels {
@@ -63,7 +66,8 @@ impl FileVoxels {
         values.try_reserve_exact(width * height * zs.len()).map_err(io::Error::other)?;
         values.resize(width * height * zs.len(), T::from_f64(0.0));
         // Rows that are read together, and the number of voxels from one row to the next in what was read.
-        let (rows, stride) = if width * WHOLE_ROWS >= nx { (height, nx) } else { (1, width) };
+        let most_rows = (READ_BYTES / (nx * N)).clamp(1, height.max(1));
+        let (rows, stride) = if width * WHOLE_ROWS >= nx { (most_rows, nx) } else { (1, width) };
         let read_slice = |(file, bytes): &mut (Option<File>, Vec<u8>), (k, slice): (usize, &mut [T])| {
             let file = match file {
                 Some(file) => file,

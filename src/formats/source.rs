@@ -4,6 +4,7 @@ use super::file_voxels::FileVoxels;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::files::memory_budget;
+use crate::files::output::TemporaryFile;
 use crate::volume::element::grid_bytes;
 use crate::volume::read::{ReadFailure, read_transposed, read_voxels};
 use crate::volume::{ByteOrder, Element, VoxelStorage, Voxels};
@@ -11,7 +12,6 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use tempfile::TempPath;
 
 /// Largest possible ratio of decompressed to compressed bytes of the deflate method.
 const DEFLATE_MAX_RATIO: u64 = 1032;
@@ -96,6 +96,15 @@ impl<'a> Source<'a> {
         self.file_bytes.saturating_mul(if self.is_compressed() { DEFLATE_MAX_RATIO } else { 1 })
     }
 
+    /// Reads on to the end of a compressed stream, which verifies its checksum. Counts the bytes that follow the voxels.
+    fn read_to_end(&mut self) -> Result<(), String> {
+        if self.is_compressed() {
+            let rest = io::copy(&mut self.take(1 << 16), &mut io::sink());
+            self.trailing = rest.map_err(|e| format!("damaged after the voxels: {e}"))?;
+        }
+        Ok(())
+    }
+
     /// Skips `count` bytes of the input stream of a volume file; returns the number of skipped bytes.
     fn skip(&mut self, count: u64) -> io::Result<u64> {
         if let Stream::Plain(file) = &mut self.stream {
@@ -162,7 +171,8 @@ impl Block {
     /// See [`Self::read`]; or a compressed file exceeds host memory, and there is no scratch folder.
     pub(super) fn open(&self, data: &mut Source<'_>, position: u64) -> Result<VoxelStorage, String> {
         let loading = data.loading;
-        let Some(host_bytes) = loading.limit_for_parts(self.dims, self.element.memory_bytes()) else {
+        let limit = loading.out_of_core_limit(self.dims, self.element.memory_bytes());
+        let Some(host_bytes) = limit.filter(|_| !loading.is_reducing()) else {
             return self.read(data, position).map(VoxelStorage::from);
         };
         let [start, end] = self.span(data)?;
@@ -175,16 +185,22 @@ impl Block {
             copy: None,
         };
         if !data.is_compressed() {
-            return Ok(VoxelStorage::in_parts(in_file, host_bytes));
+            return Ok(VoxelStorage::out_of_core(in_file, host_bytes));
         }
         let Some(folder) = loading.scratch() else {
             let why = format!("it is compressed, and its voxels exceed {host_bytes} bytes of host memory");
             return Err(format!("{why}: --scratch names a folder for {} bytes", end - start));
         };
         self.skip_to(data, start, position, end)?;
-        let copy = spool(data, &folder, end - start).map_err(|e| format!("{}: {e}", folder.display()))?;
-        let (path, copy) = (copy.to_path_buf(), Some(copy));
-        Ok(VoxelStorage::in_parts(FileVoxels { path, offset: 0, copy, ..in_file }, host_bytes))
+        let (mut file, copy) =
+            TemporaryFile::create_in(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        let copied = io::copy(&mut data.take(end - start), &mut file).map_err(|e| e.to_string())?;
+        if copied < end - start {
+            return Err(self.short(end, format!("ends after {}", start + copied)));
+        }
+        data.read_to_end()?;
+        let (path, copy) = (copy.path().to_path_buf(), Some(copy));
+        Ok(VoxelStorage::out_of_core(FileVoxels { path, offset: 0, copy, ..in_file }, host_bytes))
     }
 
     /// Reads a block of voxels from a volume file that stores them with z fastest. Does not downsample them; the
@@ -216,10 +232,7 @@ impl Block {
             ReadFailure::Short { got } => self.short(end, format!("ends after {}", start + got)),
             other => other.to_string(),
         })?;
-        if data.is_compressed() {
-            let rest = io::copy(&mut data.take(1 << 16), &mut io::sink());
-            data.trailing = rest.map_err(|e| format!("damaged after the voxels: {e}"))?;
-        }
+        data.read_to_end()?;
         Ok(voxels)
     }
 
@@ -262,14 +275,5 @@ impl Block {
             return Err(self.short(end, format!("ends before byte {start}")));
         }
         Ok(())
-    }
-}
-
-/// Copies `bytes` bytes of a stream to a new file in a folder, which is removed with the returned path.
-fn spool(data: &mut Source<'_>, folder: &Path, bytes: u64) -> io::Result<TempPath> {
-    let mut file = tempfile::Builder::new().prefix("umbravox-").tempfile_in(folder)?;
-    match io::copy(&mut data.take(bytes), &mut file)? {
-        copied if copied == bytes => Ok(file.into_temp_path()),
-        copied => Err(io::Error::other(format!("the voxels end after {copied} of {bytes} bytes"))),
     }
 }

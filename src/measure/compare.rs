@@ -104,7 +104,6 @@ pub fn compare_within(
         result.failures.extend(time(job, &mut short, job.effort.short_repeats, journal, progress)?);
     }
     progress.end();
-    job.volume.check_reads()?;
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();
     if !budgets.is_empty() {
@@ -187,7 +186,8 @@ fn measure_errors<'m>(
             Ok(TimedRow::new(method, place, key, recorded, false))
         } else {
             let reference = shared.get(progress);
-            match reference.and_then(|r| r.measure(method, &slug, progress)) {
+            let measured = reference.and_then(|r| r.measure(method, &slug, progress));
+            match measured.and_then(|measured| job.volume.check_reads().map(|()| measured)) {
                 Ok((measured, picture)) => {
                     journal.record(&key, &measured, &picture)?;
                     let recorded = Recorded { measured, picture, rounds: Vec::new() };

@@ -52,13 +52,13 @@ pub struct ReadFlags {
     /// (=2GiB), or as many as the adapter's textures and free memory hold (=auto, or no value) [default: all voxels]
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
     pub downsample: Option<Downsample>,
-    /// Host memory for voxels: a larger volume is read in parts [default: all voxels are read]
+    /// Host memory for voxels: read larger volumes in parts [default: all]
     #[arg(id = "host-memory", long, value_name = "BYTES", help_heading = "Volume")]
     #[serde(rename = "host-memory")]
     pub host_memory: Option<ByteCount>,
-    /// Folder for the decompressed voxels of compressed files that exceed host memory [default: none, such files are refused]
+    /// Folder for decompressed files beyond host memory [default: none]
     #[arg(long, value_name = "FOLDER", help_heading = "Volume")]
-    pub scratch: Option<PathBuf>,
+    pub scratch: Option<String>,
     /// Command-line flags for voxelising strands.
     #[command(flatten)]
     #[serde(flatten)]
@@ -137,8 +137,8 @@ impl VolumeSpec {
 
     fn zarr_choice(&self) -> zarr::Choice {
         let ReadFlags { level, spacing, .. } = self.flags;
-        let is_in_parts = self.flags.host_memory.is_some();
-        zarr::Choice { level, frame: self.frame(), is_in_parts, spacing_mm: spacing }
+        let is_out_of_core = self.flags.host_memory.is_some();
+        zarr::Choice { level, frame: self.frame(), is_out_of_core, spacing_mm: spacing }
     }
 
     /// Whether the volume is made from strands, by voxelising them.
@@ -359,7 +359,8 @@ impl VolumeSpec {
         loading.go_on(&self.source)?;
         let format = self.format();
         self.check_flags(format)?;
-        let (bytes, scratch) = (self.flags.host_memory.map(|limit| limit.0), self.flags.scratch.clone());
+        let (bytes, scratch) =
+            (self.flags.host_memory.map(|limit| limit.0), self.flags.scratch.as_ref().map(PathBuf::from));
         loading.limit_host(HostLimit { bytes, scratch });
         let room = self.flags.downsample.map(room_for);
         // Cropping needs all voxels: they are reduced afterwards.

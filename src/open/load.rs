@@ -144,12 +144,12 @@ impl SceneSettings {
             let text = format!("gradient opacity {opacity}: no method states an error bound with it");
             diagnostics.push(Diagnostic::note(text));
         }
-        volume.check_reads()?;
         diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
         diagnostics.extend(chosen.into_iter().chain(notes).map(Diagnostic::note));
         let mesh = self.opaque.read(&mut diagnostics, loading)?;
         let bounds = VisibleBounds::of(&volume, &tf, mesh.as_ref());
         let scene = Scene { mesh, ..self.scene(&bounds)? };
+        volume.check_reads()?;
         Ok(Loaded { volume, strands, tf, tf_source, scene, bounds, suiting, diagnostics })
     }
 

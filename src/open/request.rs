@@ -23,7 +23,7 @@ pub struct RunFlags {
     #[arg(long)]
     #[serde(skip_serializing_if = "Not::not")]
     pub json: bool,
-    /// Use the graphics adapter whose name contains NAME [default: the fastest]
+    /// Use the graphics adapter whose name contains NAME [default: fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
     /// Device memory for voxels: parts of a larger volume are left out where empty [default: no limit]

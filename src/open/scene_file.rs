@@ -29,13 +29,14 @@ impl SceneRequest {
         let text = if is_png(path) { scene_of_picture(path)? } else { read_text(path, WHAT)? };
         let mut request = Self::from_toml(&text).map_err(|e| e.at(path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let SceneSettings { volume, tf, masking, opaque, light, .. } = &mut request.settings;
+        let SceneSettings { volume, tf, masking, opaque, light, read_flags, .. } = &mut request.settings;
         let names = [volume, tf].into_iter().flatten();
         let names = names.chain(masking.files_mut()).chain(opaque.files_mut());
         let skies = light.iter_mut().flatten().filter_map(|source| match &mut source.extent {
             Extent::Map(map) => Some(&mut map.path),
             _ => None,
         });
+        let skies = skies.chain(read_flags.scratch.as_mut());
         for name in names.chain(skies) {
             // Built-in names are never files.
             let is_built_in = name.starts_with("phantom:") || PRESETS.iter().any(|p| p.name == name);

@@ -15,7 +15,7 @@ layer! {
 /// Command-line flags for voxelising strands; a flag that is not given is `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct StrandFlags {
-    /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
+    /// Voxels along the longest side of the strand grid, 4 to 1024 [default: 256]
     #[arg(long, value_name = "N", value_parser = values::resolution, allow_hyphen_values = true, help_heading = "Strands")]
     pub resolution: Option<usize>,
     /// Kernel that distributes the length of strands over voxels: box (the exact length in each voxel), or tent

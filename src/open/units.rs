@@ -5,7 +5,7 @@
 
 use crate::strands::STRANDS_FORMAT;
 use crate::transfer::TransferFunction;
-use crate::volume::{Element, ValueMeaning, Volume, Voxel, VoxelBlock};
+use crate::volume::{Element, IndexBox, ValueMeaning, Volume, Voxel};
 use crate::with_voxels;
 use serde::Serialize;
 
@@ -187,7 +187,8 @@ impl ValueSummary {
             // A background of exactly 0 is no tissue.
             soft += usize::from(value != 0.0 && (SOFT_HU[0]..=SOFT_HU[1]).contains(&value));
         };
-        for block in examined_blocks(volume) {
+        for part in examined_boxes(volume) {
+            let block = volume.block_or_zeros(&part);
             with_voxels!(block.voxels(), array => {
                 let values = array.as_slice().unwrap_or_default();
                 let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
@@ -202,18 +203,17 @@ impl ValueSummary {
 }
 
 /// Number of slices that are examined of a volume that is read in parts.
-const SLICES_LOOKED_AT: usize = 32;
+const EXAMINED_SLICES: usize = 32;
 
-/// Returns the blocks of voxels that are examined: the whole volume, or slices that are evenly spread over a volume that is
+/// Returns the boxes of voxels that are examined: the whole volume, or slices that are evenly spread over a volume that is
 /// read in parts.
-fn examined_blocks(volume: &Volume) -> Vec<VoxelBlock<'_>> {
+fn examined_boxes(volume: &Volume) -> Vec<IndexBox> {
     let [nx, ny, nz] = volume.dims();
-    let block = |slices| volume.block_or_zeros(&[0..nx, 0..ny, slices]);
     if volume.resident().is_some() {
-        return vec![block(0..nz)];
+        return vec![[0..nx, 0..ny, 0..nz]];
     }
-    let step = nz.div_ceil(SLICES_LOOKED_AT);
-    (step / 2..nz).step_by(step).map(|k| block(k..k + 1)).collect()
+    let step = nz.div_ceil(EXAMINED_SLICES);
+    (step / 2..nz).step_by(step).map(|k| [0..nx, 0..ny, k..k + 1]).collect()
 }
 
 /// Fraction of the HU interval of air that lies within the volume's value range `[low, high]`.

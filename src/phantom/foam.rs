@@ -18,14 +18,14 @@ const CELLS: i64 = 9;
 const RADIUS: f64 = 0.92;
 /// Number of seeds whose distances decide the value: a strut lies between three cells.
 const NEAREST: usize = 3;
-/// Number of parts along each side of a cell for which the seeds are chosen together; a power of 2.
-const PARTS: i64 = 8;
+/// Number of subcells along each side of a cell for which the seeds are chosen together; a power of 2.
+const SUBCELLS: i64 = 8;
 /// Number of voxels along x that are tested together for material.
 const RUN: usize = 8;
 /// Margin for rounding of that test, in cells.
 const MARGIN: f64 = 1e-6;
-/// Distance in cells of a position of a part from its middle, with a margin for rounding.
-const REACH: f64 = 0.87 / PARTS as f64;
+/// Distance in cells of a position of a subcell from its middle, with a margin for rounding.
+const REACH: f64 = 0.87 / SUBCELLS as f64;
 
 /// Foam in the cube, in cells.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ pub(super) struct Foam {
     thickness: f64,
     /// Seed of each cell within two cells of the cube, x fastest.
     seeds: Vec<DVec3>,
-    /// Indices of the seeds that may be the nearest ones, for each part of a cell, x fastest; none without material.
+    /// Indices of the seeds that may be the nearest ones, for each subcell, x fastest; none without material.
     candidates: Vec<Box<[u16]>>,
 }
 
@@ -53,16 +53,16 @@ impl Foam {
 
     fn new(farther: usize, thickness: f64) -> Self {
         let foam = Self { farther, thickness, seeds: seeds(), candidates: Vec::new() };
-        let side = CELLS * PARTS;
-        let part = |n: i64| I64Vec3::new(n % side, n / side % side, n / (side * side));
-        let candidates = (0..side.pow(3)).into_par_iter().map(|n| foam.candidates_of(part(n))).collect();
+        let side = CELLS * SUBCELLS;
+        let subcell = |n: i64| I64Vec3::new(n % side, n / side % side, n / (side * side));
+        let candidates = (0..side.pow(3)).into_par_iter().map(|n| foam.candidates_of(subcell(n))).collect();
         Self { candidates, ..foam }
     }
 
-    /// Chooses the seeds that may be nearest to positions in a part of a cell.
-    fn candidates_of(&self, part: I64Vec3) -> Box<[u16]> {
-        let middle = (part.as_dvec3() + 0.5) / PARTS as f64;
-        let cell = part / PARTS;
+    /// Chooses the seeds that may be nearest to positions in a subcell.
+    fn candidates_of(&self, subcell: I64Vec3) -> Box<[u16]> {
+        let middle = (subcell.as_dvec3() + 0.5) / SUBCELLS as f64;
+        let cell = subcell / SUBCELLS;
         // Two cells around: a nearer seed cannot lie farther away.
         let offsets = (0..125).map(|o| I64Vec3::new(o % 5, o / 5 % 5, o / 25) - 2);
         let around: Vec<u16> = offsets.map(|offset| place(cell + offset) as u16).collect();
@@ -98,10 +98,10 @@ impl Foam {
     /// Whether there may be material between two positions on a line along x.
     fn may_have_material(&self, ends: [DVec3; 2]) -> bool {
         let [from, to] = ends.map(in_cells);
-        let parts = [from, to].map(part_of);
-        let candidates = &self.candidates[parts[0]];
-        if parts[0] != parts[1] || candidates.is_empty() {
-            return parts[0] != parts[1];
+        let subcells = [from, to].map(subcell_of);
+        let candidates = &self.candidates[subcells[0]];
+        if subcells[0] != subcells[1] || candidates.is_empty() {
+            return subcells[0] != subcells[1];
         }
         let nearest = self.nearest(0.5 * (from + to), candidates);
         let reach = 0.5 * (to.x - from.x) + MARGIN;
@@ -111,7 +111,7 @@ impl Foam {
     /// Share of the largest density at a position, in `[0, 1]`.
     fn share(&self, at: DVec3) -> f64 {
         let scaled = in_cells(at);
-        let candidates = &self.candidates[part_of(scaled)];
+        let candidates = &self.candidates[subcell_of(scaled)];
         if candidates.is_empty() || at.length() > RADIUS {
             return 0.0;
         }
@@ -126,10 +126,11 @@ impl Foam {
         let mut nearest = [f64::INFINITY; NEAREST];
         for seed in seeds {
             let mut squared = self.squared_distance(scaled, *seed);
+            // Without branches, which would be unpredictable.
             for kept in &mut nearest {
-                if squared < *kept {
-                    std::mem::swap(kept, &mut squared);
-                }
+                let (a, b) = (*kept, squared);
+                *kept = if b < a { b } else { a };
+                squared = if b < a { a } else { b };
             }
         }
         nearest.map(f64::sqrt)
@@ -145,10 +146,10 @@ fn in_cells(at: DVec3) -> DVec3 {
     (at + 1.0) * (0.5 * CELLS as f64)
 }
 
-/// Returns the index of the part of a cell that holds a position in cells.
-fn part_of(scaled: DVec3) -> usize {
-    let [x, y, z] = (scaled * PARTS as f64).as_i64vec3().to_array();
-    let side = CELLS * PARTS;
+/// Returns the index of the subcell that holds a position in cells.
+fn subcell_of(scaled: DVec3) -> usize {
+    let [x, y, z] = (scaled * SUBCELLS as f64).as_i64vec3().to_array();
+    let side = CELLS * SUBCELLS;
     (x + side * (y + side * z)) as usize
 }
 

@@ -9,30 +9,40 @@ use crate::volume::{Element, IndexBox, VoxelSource, Voxels};
 use glam::DVec3;
 use ndarray::Array3;
 use rayon::prelude::*;
-use std::sync::OnceLock;
 
 /// Phantom of a given size, whose voxels are computed where they are needed.
 #[derive(Debug)]
 pub(super) struct Formula {
-    phantom: Phantom,
     /// Number of voxels along the longest side.
     size: usize,
-    foam: OnceLock<Foam>,
-    balls: OnceLock<Metaballs>,
-    solids: OnceLock<Vec<thorax::Solid>>,
+    shape: Shape,
+}
+
+/// Shape of a phantom, with what is the same for all of its voxels.
+#[derive(Debug)]
+enum Shape {
+    Chest(Vec<thorax::Solid>),
+    Slab,
+    Sphere,
+    Shell,
+    Step,
+    Comb,
+    Balls(Metaballs),
+    Foam(Foam),
+    Sheets,
 }
 
 impl VoxelSource for Formula {
     fn dims(&self) -> [usize; 3] {
-        match self.phantom {
-            Phantom::Thorax => thorax::dims(self.size),
+        match self.shape {
+            Shape::Chest(_) => thorax::dims(self.size),
             _ => [self.size; 3],
         }
     }
 
     fn element(&self) -> Element {
-        match self.phantom {
-            Phantom::Sphere | Phantom::Shell => Element::F32,
+        match self.shape {
+            Shape::Sphere | Shape::Shell => Element::F32,
             _ => Element::I16,
         }
     }
@@ -45,14 +55,26 @@ impl VoxelSource for Formula {
 impl Formula {
     /// Phantom with `size` voxels along the longest side.
     pub fn new(phantom: Phantom, size: usize) -> Self {
-        let (foam, balls, solids) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
-        Self { phantom, size, foam, balls, solids }
+        let shape = match phantom {
+            Phantom::Thorax => Shape::Chest(thorax::solids()),
+            Phantom::Slab => Shape::Slab,
+            Phantom::Sphere => Shape::Sphere,
+            Phantom::Shell => Shape::Shell,
+            Phantom::Step => Shape::Step,
+            Phantom::Comb => Shape::Comb,
+            Phantom::Cloud => Shape::Balls(Metaballs::cloud()),
+            Phantom::Smoke => Shape::Balls(Metaballs::smoke()),
+            Phantom::Foam => Shape::Foam(Foam::closed()),
+            Phantom::Struts => Shape::Foam(Foam::open()),
+            Phantom::Sheets => Shape::Sheets,
+        };
+        Self { size, shape }
     }
 
     /// Returns the distance between voxels, mm.
     pub fn spacing_mm(&self) -> [f64; 3] {
-        match self.phantom {
-            Phantom::Thorax => thorax::spacing_mm(self.size),
+        match self.shape {
+            Shape::Chest(_) => thorax::spacing_mm(self.size),
             _ => [CUBE_MM / self.size as f64; 3],
         }
     }
@@ -60,26 +82,16 @@ impl Formula {
     /// Computes the voxels of a box; they are incomplete if `loading` was cancelled.
     pub fn voxels(&self, part: &IndexBox, loading: &Loading) -> Voxels {
         let size = self.size;
-        match self.phantom {
-            Phantom::Thorax => {
-                thorax::build(size, self.solids.get_or_init(thorax::solids), part, loading).into()
-            }
-            Phantom::Slab => solid(part, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
-            Phantom::Step => solid(part, loading, |[i, _, _]| i >= size / 2),
-            Phantom::Comb => solid(part, loading, |[_, _, k]| k % 4 == 2),
-            Phantom::Sphere => self.radial(part, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
-            Phantom::Shell => self.radial(part, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
-            Phantom::Cloud => {
-                let balls = self.balls.get_or_init(Metaballs::cloud);
-                self.medium(part, loading, |at| balls.share(at))
-            }
-            Phantom::Smoke => {
-                let balls = self.balls.get_or_init(Metaballs::smoke);
-                self.medium(part, loading, |at| balls.share(at))
-            }
-            Phantom::Foam => self.foam.get_or_init(Foam::closed).voxels(size, part, loading).into(),
-            Phantom::Struts => self.foam.get_or_init(Foam::open).voxels(size, part, loading).into(),
-            Phantom::Sheets => self.medium(part, loading, sheets),
+        match &self.shape {
+            Shape::Chest(solids) => thorax::build(size, solids, part, loading).into(),
+            Shape::Slab => solid(part, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
+            Shape::Step => solid(part, loading, |[i, _, _]| i >= size / 2),
+            Shape::Comb => solid(part, loading, |[_, _, k]| k % 4 == 2),
+            Shape::Sphere => self.radial(part, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
+            Shape::Shell => self.radial(part, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
+            Shape::Balls(balls) => self.medium(part, loading, |at| balls.share(at)),
+            Shape::Foam(foam) => foam.voxels(size, part, loading).into(),
+            Shape::Sheets => self.medium(part, loading, sheets),
         }
     }
 

@@ -160,8 +160,8 @@ impl Phantom {
         let formula = Formula::new(self, size);
         let (dims, element) = (formula.dims(), formula.element());
         let affine = centred_affine(dims, formula.spacing_mm());
-        let storage = match loading.limit_for_parts(dims, element.memory_bytes()) {
-            Some(host_bytes) => VoxelStorage::in_parts(formula, host_bytes),
+        let storage = match loading.out_of_core_limit(dims, element.memory_bytes()) {
+            Some(host_bytes) => VoxelStorage::out_of_core(formula, host_bytes),
             None => {
                 let refuse = |why: String| Error::input("cannot build phantom", &source, why);
                 check_grid(dims, element.memory_bytes()).map_err(refuse)?;

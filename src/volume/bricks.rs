@@ -175,9 +175,7 @@ impl Bricks {
 
     /// Whether the value range of at least one brick overlaps the interval `[low, high]`.
     pub fn have_values(&self, low: f64, high: f64) -> bool {
-        let mut have = false;
-        self.for_ranges(0..self.len(), |[min, max]| have |= min <= high && max >= low);
-        have
+        (0..self.len()).map(|brick| self.range(brick)).any(|[min, max]| min <= high && max >= low)
     }
 }
 

@@ -91,7 +91,7 @@ impl Volume {
                 let part: Voxels = with_voxels!(voxels, a => part(a, [[x0, x1], [y0, y1], [z0, z1]]).into());
                 part.into()
             }
-            VoxelStorage::Parts(parts) => {
+            VoxelStorage::OutOfCore(parts) => {
                 let (parts, host_bytes) = (Arc::clone(parts), parts.host_bytes());
                 let part = [x0..x1 + 1, y0..y1 + 1, z0..z1 + 1];
                 VoxelStorage::limited(CroppedSource { parts, part }, host_bytes)?

@@ -37,6 +37,7 @@ impl Histogram {
             // A slice is counted with the next one: the last of a slab is left to the next slab.
             let end = if slices.end == nz { nz } else { slices.end - 1 };
             histogram.add(volume, &block, slices.start.saturating_sub(1)..end, &pieces);
+            loading.go_on(&volume.provenance.source)?;
         }
         loading.go_on(&volume.provenance.source)?;
         Ok(histogram)

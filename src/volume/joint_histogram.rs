@@ -80,7 +80,7 @@ fn slabs<T: Send>(
 ) -> Option<T> {
     let mut all = empty();
     for slab in volume.slabs(1, 1) {
-        let (slices, block) = slab.ok()?;
+        let (slices, block) = slab.ok().filter(|_| goes_on())?;
         // Cells lie between two slices: those above the last slice of a slab are left to the next slab.
         let cells = slices.start.saturating_sub(1)..slices.end - 1;
         all = join(all, of_block(volume, &block, cells, goes_on, &empty, &add, &join));

@@ -29,7 +29,7 @@ pub use histogram::Histogram;
 pub use joint_histogram::JointHistogram;
 pub use labels::{Labels, MAX_LABELS, Segment};
 pub(crate) use source::CHUNK_CELLS;
-pub use source::{IndexBox, ReadUsage, VoxelParts, VoxelSource};
+pub use source::{IndexBox, OutOfCoreVoxels, ReadUsage, VoxelSource};
 pub use storage::{VoxelBlock, VoxelStorage};
 pub use voxels::{Scaling, Voxel, Voxels};
 
@@ -267,7 +267,7 @@ impl Volume {
     pub fn value(&self, i: usize, j: usize, k: usize) -> f64 {
         self.scaling.apply(match &self.storage {
             VoxelStorage::Resident(voxels) => voxels.stored([i, j, k]),
-            VoxelStorage::Parts(parts) => parts.stored([i, j, k]),
+            VoxelStorage::OutOfCore(parts) => parts.stored([i, j, k]),
         })
     }
 

@@ -27,7 +27,7 @@ pub trait VoxelSource: Send + Sync + fmt::Debug {
     /// Returns the number type of the voxels in memory, one of those of [`Voxels`].
     fn element(&self) -> Element;
 
-    /// Returns the number of consecutive slices that are read together at the least cost, from a multiple of it on.
+    /// Returns the number of slices of a chunk along z: reading whole layers of chunks costs least.
     fn slices_at_once(&self) -> usize {
         1
     }
@@ -63,7 +63,7 @@ impl Weighter<[usize; 3], Arc<Voxels>> for ChunkBytes {
 
 /// Voxels that are read from a source in parts, with a cache of the chunks that were read last.
 #[derive(Debug)]
-pub struct VoxelParts {
+pub struct OutOfCoreVoxels {
     source: Box<dyn VoxelSource>,
     chunks: Cache<[usize; 3], Arc<Voxels>, ChunkBytes>,
     /// Stored value that replaces numbers that are not finite.
@@ -90,7 +90,7 @@ pub struct ReadUsage {
     pub peak_bytes: Option<u64>,
 }
 
-impl VoxelParts {
+impl OutOfCoreVoxels {
     /// Prepares reading from a source with a limit on host memory in bytes.
     pub fn new(source: Box<dyn VoxelSource>, host_bytes: u64) -> Self {
         let chunk_bytes = (CHUNK_CELLS as u64 + 1).pow(3) * source.element().memory_bytes();
@@ -141,7 +141,9 @@ impl VoxelParts {
     pub fn read(&self, part: &IndexBox) -> Result<Voxels> {
         let start = Instant::now();
         let mut voxels = self.source.read(part).inspect_err(|error| {
-            let _ = self.failure.set(error.clone());
+            if self.failure.set(error.clone()).is_ok() {
+                tracing::error!("{error}");
+            }
         })?;
         self.read_ns.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
         self.read_bytes.fetch_add(voxels.bytes().len() as u64, Ordering::Relaxed);
@@ -170,8 +172,14 @@ impl VoxelParts {
             let first = CHUNK_CELLS * chunk[axis];
             first..(first + CHUNK_CELLS + 1).min(dims[axis])
         });
-        let read = self.chunks.get_or_insert_with(&chunk, || self.read(&part).map(Arc::new));
-        read.unwrap_or_else(|_| Arc::new(self.zeros(&part)))
+        if let Some(voxels) = self.chunks.get(&chunk) {
+            return voxels;
+        }
+        // Without a lock on the chunk: a source may read in parallel, and a thread that waits for others may be given a task
+        // that needs the same chunk.
+        let Ok(voxels) = self.read(&part).map(Arc::new) else { return Arc::new(self.zeros(&part)) };
+        self.chunks.insert(chunk, Arc::clone(&voxels));
+        voxels
     }
 
     /// Reads the voxels of a box. If they cannot be read, they are 0, and [`Self::failure`] has the error.
@@ -222,7 +230,7 @@ pub(super) fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
 /// Part of the voxels of another source.
 #[derive(Debug)]
 pub(super) struct CroppedSource {
-    pub parts: Arc<VoxelParts>,
+    pub parts: Arc<OutOfCoreVoxels>,
     pub part: IndexBox,
 }
 
@@ -233,6 +241,10 @@ impl VoxelSource for CroppedSource {
 
     fn element(&self) -> Element {
         self.parts.element()
+    }
+
+    fn slices_at_once(&self) -> usize {
+        self.parts.source.slices_at_once()
     }
 
     fn read(&self, part: &IndexBox) -> Result<Voxels> {

@@ -32,7 +32,7 @@ impl Statistics {
         loading: &Loading,
     ) -> Result<Self> {
         let dims = storage.dims();
-        let in_parts = matches!(storage, VoxelStorage::Parts(_));
+        let in_parts = matches!(storage, VoxelStorage::OutOfCore(_));
         let mut bricks = in_parts.then(|| Bricks::new(storage.element(), dims, scaling, world_from_index));
         let stage = if in_parts { ReadingStage::Reading } else { ReadingStage::Checking };
         let pieces = loading.pieces(stage, dims[2]);

@@ -2,7 +2,7 @@
 
 use super::Volume;
 use super::element::{Element, grid_bytes};
-use super::source::{IndexBox, VoxelParts, VoxelSource, replace_non_finite};
+use super::source::{IndexBox, OutOfCoreVoxels, VoxelSource, replace_non_finite};
 use super::voxels::Voxels;
 use crate::error::Result;
 use crate::with_voxels;
@@ -16,7 +16,7 @@ pub enum VoxelStorage {
     /// All voxels, in host memory.
     Resident(Voxels),
     /// Source of the voxels, which are read in parts.
-    Parts(Arc<VoxelParts>),
+    OutOfCore(Arc<OutOfCoreVoxels>),
 }
 
 impl From<Voxels> for VoxelStorage {
@@ -27,8 +27,8 @@ impl From<Voxels> for VoxelStorage {
 
 impl VoxelStorage {
     /// Takes voxels that are read in parts, with a limit on host memory in bytes.
-    pub fn in_parts(source: impl VoxelSource + 'static, host_bytes: u64) -> Self {
-        Self::Parts(Arc::new(VoxelParts::new(Box::new(source), host_bytes)))
+    pub fn out_of_core(source: impl VoxelSource + 'static, host_bytes: u64) -> Self {
+        Self::OutOfCore(Arc::new(OutOfCoreVoxels::new(Box::new(source), host_bytes)))
     }
 
     /// Takes voxels from a source with a limit on host memory in bytes: all of them if they fit, else in parts.
@@ -40,7 +40,7 @@ impl VoxelStorage {
         let bytes = grid_bytes(dims, source.element().memory_bytes());
         match bytes.is_some_and(|bytes| bytes <= host_bytes) {
             true => source.read(&dims.map(|n| 0..n)).map(Self::Resident),
-            false => Ok(Self::in_parts(source, host_bytes)),
+            false => Ok(Self::out_of_core(source, host_bytes)),
         }
     }
 
@@ -48,7 +48,7 @@ impl VoxelStorage {
     pub fn dims(&self) -> [usize; 3] {
         match self {
             Self::Resident(voxels) => voxels.dims(),
-            Self::Parts(parts) => parts.dims(),
+            Self::OutOfCore(parts) => parts.dims(),
         }
     }
 
@@ -56,7 +56,7 @@ impl VoxelStorage {
     pub fn element(&self) -> Element {
         match self {
             Self::Resident(voxels) => voxels.element(),
-            Self::Parts(parts) => parts.element(),
+            Self::OutOfCore(parts) => parts.element(),
         }
     }
 
@@ -71,7 +71,7 @@ impl VoxelStorage {
             Self::Resident(voxels) => {
                 replace_non_finite(voxels, stored);
             }
-            Self::Parts(parts) => parts.replace_non_finite_by(stored),
+            Self::OutOfCore(parts) => parts.replace_non_finite_by(stored),
         }
     }
 
@@ -79,7 +79,7 @@ impl VoxelStorage {
     pub(super) fn block(&self, part: &IndexBox) -> Result<VoxelBlock<'_>> {
         Ok(match self {
             Self::Resident(voxels) => VoxelBlock::whole(voxels),
-            Self::Parts(parts) => VoxelBlock::of_part(parts.read(part)?, part),
+            Self::OutOfCore(parts) => VoxelBlock::of_part(parts.read(part)?, part),
         })
     }
 
@@ -92,7 +92,7 @@ impl VoxelStorage {
         let [nx, ny, nz] = self.dims();
         let step = match self {
             Self::Resident(_) => nz,
-            Self::Parts(parts) => parts.slab_slices(align),
+            Self::OutOfCore(parts) => parts.slab_slices(align),
         };
         (0..nz).step_by(step.max(1)).map(move |first| {
             let slices = first..(first + step).min(nz);
@@ -151,15 +151,15 @@ impl Volume {
     pub fn resident(&self) -> Option<&Voxels> {
         match &self.storage {
             VoxelStorage::Resident(voxels) => Some(voxels),
-            VoxelStorage::Parts(_) => None,
+            VoxelStorage::OutOfCore(_) => None,
         }
     }
 
     /// Returns the source of a volume that is read in parts.
-    pub fn parts(&self) -> Option<&Arc<VoxelParts>> {
+    pub fn out_of_core(&self) -> Option<&Arc<OutOfCoreVoxels>> {
         match &self.storage {
             VoxelStorage::Resident(_) => None,
-            VoxelStorage::Parts(parts) => Some(parts),
+            VoxelStorage::OutOfCore(parts) => Some(parts),
         }
     }
 
@@ -181,7 +181,7 @@ impl Volume {
     pub fn block_or_zeros(&self, part: &IndexBox) -> VoxelBlock<'_> {
         match &self.storage {
             VoxelStorage::Resident(voxels) => VoxelBlock::whole(voxels),
-            VoxelStorage::Parts(parts) => VoxelBlock::of_part(parts.read_or_zeros(part), part),
+            VoxelStorage::OutOfCore(parts) => VoxelBlock::of_part(parts.read_or_zeros(part), part),
         }
     }
 
@@ -201,6 +201,6 @@ impl Volume {
     /// # Errors
     /// The first error of such a read.
     pub fn check_reads(&self) -> Result<()> {
-        self.parts().and_then(|parts| parts.failure()).map_or(Ok(()), |error| Err(error.clone()))
+        self.out_of_core().and_then(|parts| parts.failure()).map_or(Ok(()), |error| Err(error.clone()))
     }
 }

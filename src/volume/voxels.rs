@@ -88,6 +88,7 @@ impl Voxels {
     }
 
     /// Returns the value of a voxel.
+    #[inline]
     pub fn stored(&self, [i, j, k]: [usize; 3]) -> f64 {
         with_voxels!(self, a => a[[k, j, i]].to_f64())
     }

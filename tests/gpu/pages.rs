@@ -176,7 +176,7 @@ fn volumes_that_are_read_in_parts_are_drawn_the_same() {
     let flags = ReadFlags { crop, ..ReadFlags::default() };
     let [whole, parts] = [flags.clone(), ReadFlags { host_memory: Some(ByteCount(1)), ..flags }]
         .map(|flags| load(&VolumeSpec { flags, ..VolumeSpec::new("phantom:struts:160") }).unwrap());
-    assert!(whole.parts().is_none() && parts.parts().is_some());
+    assert!(whole.out_of_core().is_none() && parts.out_of_core().is_some());
     let label = |(k, j, i): (usize, usize, usize)| ((i / 40 + j / 20 + k / 30) % 2) as u8;
     let labels = volume_of(Array3::from_shape_fn((40, 40, 160), label).into(), whole.world_from_index());
     let labels = Arc::new(Labels::sampled(&labels, &whole).unwrap());

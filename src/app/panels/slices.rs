@@ -204,10 +204,13 @@ impl Slices {
         let dims = volume.dims();
         let stride = dims[across].max(dims[down]).div_ceil(MAX_TEXELS);
         let [width, height] = [across, down].map(|axis| dims[axis].div_ceil(stride));
+        let mut part = dims.map(|n| 0..n);
+        part[through] = depth..depth + 1;
+        let (block, scaling) = (volume.block_or_zeros(&part), volume.scaling());
         let pixel = |i: usize| {
             let mut index = [0; 3];
             (index[across], index[down], index[through]) = (i % width * stride, i / width * stride, depth);
-            let share = (volume.value(index[0], index[1], index[2]) - window[0]) / (window[1] - window[0]);
+            let share = (scaling.apply(block.stored(index)) - window[0]) / (window[1] - window[0]);
             Color32::from_gray((255.0 * share.clamp(0.0, 1.0)).round() as u8)
         };
         let image = egui::ColorImage::new([width, height], (0..width * height).map(pixel).collect());

@@ -239,14 +239,23 @@ impl SubVolume<'_> {
         let index = index(&mut File::open(path)?, bytes, shards, layout)?;
         let grid: Vec<usize> =
             shards.shape.iter().zip(&layout.shape).map(|(shard, chunk)| shard / chunk).collect();
-        for (at, span) in ndarray::indices(IxDyn(&grid)).into_iter().zip(index) {
-            if span == [ABSENT; 2] {
-                continue;
-            }
+        // Chunks of the shard that have elements in the slab, along each axis.
+        let within = |axis: usize| {
+            let (side, first) = (layout.shape[axis], slab.from[axis].saturating_sub(origin[axis]));
+            let end = (slab.from[axis] + slab.voxels.shape()[axis]).saturating_sub(origin[axis]);
+            first / side..end.div_ceil(side).min(grid[axis])
+        };
+        let ranges: Vec<Range<usize>> = (0..grid.len()).map(within).collect();
+        let counts: Vec<usize> = ranges.iter().map(|range| range.len()).collect();
+        for offset in ndarray::indices(IxDyn(&counts)) {
+            let at: Vec<usize> =
+                offset.slice().iter().zip(&ranges).map(|(n, range)| range.start + n).collect();
+            let place = at.iter().zip(&grid).fold(0, |place, (n, count)| place * count + n);
+            let Some(&span) = index.get(place).filter(|span| **span != [ABSENT; 2]) else { continue };
             if span[0].checked_add(span[1]).is_none_or(|end| end > bytes) {
                 return Err(bad("a chunk of it ends beyond the file"));
             }
-            let steps = at.slice().iter().zip(&layout.shape);
+            let steps = at.iter().zip(&layout.shape);
             let corner: Vec<usize> =
                 origin.iter().zip(steps).map(|(from, (n, size))| from + n * size).collect();
             self.read_chunk(path, span, &corner, slab, convert)?;

@@ -8,12 +8,12 @@ mod chunks;
 mod compression;
 mod metadata;
 mod multiscales;
-mod parts;
+mod out_of_core;
 
 use self::chunks::SubVolume;
 use self::metadata::Array;
 use self::multiscales::{Axis, Group, Image, Level};
-use self::parts::ZarrVoxels;
+use self::out_of_core::ZarrVoxels;
 use super::common::{frame_warning, refusal, sibling, with_integer_warning};
 use super::head::Head;
 use crate::error::Result;
@@ -55,7 +55,7 @@ pub struct Choice {
     /// Index of the frame to read, counted over all non-spatial axes of the Zarr array.
     pub frame: usize,
     /// Whether volumes may be read in parts, so that the finest level need not fit host memory.
-    pub is_in_parts: bool,
+    pub is_out_of_core: bool,
     /// Voxel size in mm that overrides the scale of the OME-Zarr metadata.
     pub spacing_mm: Option<[f64; 3]>,
 }
@@ -74,10 +74,10 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
     let frames = chosen.frames().map_err(&refuse)?;
     warnings.extend(frame_warning(path, choice.frame, frames)?);
     let part = chosen.sub_volume(choice.frame);
-    let storage = match loading.limit_for_parts(part.dims(), chosen.array.element.memory_bytes()) {
+    let storage = match loading.out_of_core_limit(part.dims(), chosen.array.element.memory_bytes()) {
         Some(host_bytes) => {
             let source = ZarrVoxels::new(path.into(), &part, host_bytes).map_err(&refuse)?;
-            VoxelStorage::in_parts(source, host_bytes)
+            VoxelStorage::out_of_core(source, host_bytes)
         }
         None => {
             refuse_beyond_host(part.memory_bytes()).map_err(|why| {
@@ -193,7 +193,7 @@ impl Store {
             chosen.dims().iter().all(|n| *n <= MAX_SIDE) && bytes.is_some_and(|bytes| bytes <= max_bytes)
         };
         let fitting = all.iter().position(fits).unwrap_or(count - 1);
-        let finest = if choice.is_in_parts { 0 } else { fitting };
+        let finest = if choice.is_out_of_core { 0 } else { fitting };
         let at = choice.level.unwrap_or(finest);
         let [nx, ny, nz] = all.get(at).map_or([0; 3], ChosenLevel::dims);
         let Some(chosen) = all.into_iter().nth(at) else {

@@ -2,7 +2,7 @@
 //!
 //! `make.py` made the files and `expected.json`.
 
-mod parts;
+mod out_of_core;
 mod round_trip;
 
 use crate::common;

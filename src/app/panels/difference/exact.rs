@@ -58,7 +58,7 @@ pub fn start(
             let scene = Scene { width, height, ..what.scene.clone() };
             let proceed = || !cancelled.load(Ordering::Relaxed);
             let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, proceed));
-            let Some(view) = view else { return };
+            let Some(view) = view.filter(|_| volume.check_reads().is_ok()) else { return };
             if sender.send(view).is_err() {
                 return;
             }

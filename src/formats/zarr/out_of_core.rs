@@ -70,7 +70,12 @@ impl ZarrVoxels {
             let first = chunk[axis] * sides[axis];
             first..(first + sides[axis]).min(dims[axis])
         });
-        self.chunks.get_or_insert_with(&chunk, || frame.read_chunk_box(&part).map(Arc::new))
+        if let Some(voxels) = self.chunks.get(&chunk) {
+            return Ok(voxels);
+        }
+        let voxels = Arc::new(frame.read_chunk_box(&part)?);
+        self.chunks.insert(chunk, Arc::clone(&voxels));
+        Ok(voxels)
     }
 }
 
