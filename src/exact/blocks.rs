@@ -1,7 +1,7 @@
 //! Blocks of volume cells without extinction, which rays of the exact reference skip.
 
-use super::contiguous;
 use super::law::Laws;
+use super::voxel_access::contiguous;
 use crate::volume::{Volume, Voxel, VoxelBlock};
 use crate::with_voxels;
 use rayon::prelude::*;

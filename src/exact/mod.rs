@@ -33,7 +33,6 @@ use blocks::{Blocks, Labelled};
 use glam::DVec3;
 use gradient::{Factor, GradientLaws};
 use law::Laws;
-use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -214,11 +213,6 @@ impl<'a> ExactField<'a> {
 /// Returns the labels of the volume's voxels with the transfer function of each label; `None` without a segmentation.
 fn labelled<'a>(volume: &'a Volume, functions: &'a [Option<usize>]) -> Option<Labelled<'a>> {
     volume.labels().map(|labels| Labelled { ranks: labels.ranks(), functions })
-}
-
-/// Returns the voxels of a volume as a slice in memory order.
-fn contiguous<V>(voxels: &Array3<V>) -> &[V] {
-    voxels.as_slice().expect("a Volume refuses voxels that are not contiguous")
 }
 
 /// Returns the unit direction from point `a` to point `b` and their distance; `None` if they are not finite.

@@ -1,8 +1,14 @@
 //! Access to the voxels of a volume for the exact reference: in host memory, or by chunks that are read when they are needed.
 
 use crate::volume::{CHUNK_CELLS, OutOfCoreVoxels, Voxel, Voxels};
+use ndarray::Array3;
 use std::marker::PhantomData;
 use std::sync::Arc;
+
+/// Returns the voxels of a volume as a slice in memory order.
+pub(super) fn contiguous<V>(voxels: &Array3<V>) -> &[V] {
+    voxels.as_slice().expect("a Volume refuses voxels that are not contiguous")
+}
 
 /// Access to voxels of one number type.
 pub(super) trait VoxelAccess {
@@ -69,7 +75,7 @@ macro_rules! with_access {
     ($volume:expr, $access:ident => $body:expr) => {
         match $volume.storage() {
             $crate::volume::VoxelStorage::Resident(voxels) => $crate::with_voxels!(voxels, array => {
-                let $access = &mut $crate::exact::voxel_access::Resident($crate::exact::contiguous(array));
+                let $access = &mut $crate::exact::voxel_access::Resident($crate::exact::voxel_access::contiguous(array));
                 $body
             }),
             $crate::volume::VoxelStorage::OutOfCore(parts) => $crate::with_voxel_type!(parts.element(), V => {

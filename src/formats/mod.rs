@@ -13,6 +13,7 @@ pub mod metaimage;
 pub mod nifti;
 pub mod npy;
 pub mod nrrd;
+mod numbers;
 pub mod raw;
 mod raw_layout;
 mod source;

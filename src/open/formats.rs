@@ -359,9 +359,8 @@ impl VolumeSpec {
         loading.go_on(&self.source)?;
         let format = self.format();
         self.check_flags(format)?;
-        let (bytes, scratch) =
-            (self.flags.host_memory.map(|limit| limit.0), self.flags.scratch.as_ref().map(PathBuf::from));
-        loading.limit_host(HostLimit { bytes, scratch });
+        let bytes = self.flags.host_memory.map(|limit| limit.0);
+        loading.limit_host(HostLimit { bytes, scratch: self.flags.scratch.as_ref().map(PathBuf::from) });
         let room = self.flags.downsample.map(room_for);
         // Cropping needs all voxels: they are reduced afterwards.
         loading.reduce_to(room.filter(|_| self.flags.crop.is_none()));

@@ -2,8 +2,7 @@
 //!
 //! Positions are in units of half the cube's edge, so that the cube is `[-1, 1]^3`.
 
-use super::INSIDE;
-use super::formula::{by_slices, centred};
+use super::grid::{INSIDE, by_slices, centred};
 use crate::files::loading::Loading;
 use crate::random::{Chance, mix};
 use crate::volume::IndexBox;

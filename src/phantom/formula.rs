@@ -1,14 +1,14 @@
 //! Voxels of a phantom, computed for any box of the volume.
 
 use super::foam::Foam;
+use super::grid::{CUBE_MM, INSIDE, by_slices, centred};
 use super::media::{Metaballs, sheets};
-use super::{CUBE_MM, INSIDE, Phantom, thorax};
+use super::thorax;
 use crate::error::Result;
-use crate::files::loading::{Loading, ReadingStage};
+use crate::files::loading::Loading;
 use crate::volume::{Element, IndexBox, VoxelSource, Voxels};
 use glam::DVec3;
 use ndarray::Array3;
-use rayon::prelude::*;
 
 /// Phantom of a given size, whose voxels are computed where they are needed.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub(super) struct Formula {
 
 /// Shape of a phantom, with what is the same for all of its voxels.
 #[derive(Debug)]
-enum Shape {
+pub(super) enum Shape {
     Chest(Vec<thorax::Solid>),
     Slab,
     Sphere,
@@ -53,21 +53,8 @@ impl VoxelSource for Formula {
 }
 
 impl Formula {
-    /// Phantom with `size` voxels along the longest side.
-    pub fn new(phantom: Phantom, size: usize) -> Self {
-        let shape = match phantom {
-            Phantom::Thorax => Shape::Chest(thorax::solids()),
-            Phantom::Slab => Shape::Slab,
-            Phantom::Sphere => Shape::Sphere,
-            Phantom::Shell => Shape::Shell,
-            Phantom::Step => Shape::Step,
-            Phantom::Comb => Shape::Comb,
-            Phantom::Cloud => Shape::Balls(Metaballs::cloud()),
-            Phantom::Smoke => Shape::Balls(Metaballs::smoke()),
-            Phantom::Foam => Shape::Foam(Foam::closed()),
-            Phantom::Struts => Shape::Foam(Foam::open()),
-            Phantom::Sheets => Shape::Sheets,
-        };
+    /// Phantom of a shape with `size` voxels along the longest side.
+    pub fn new(shape: Shape, size: usize) -> Self {
         Self { size, shape }
     }
 
@@ -111,11 +98,6 @@ impl Formula {
     }
 }
 
-/// Returns the position of a voxel centre along an axis, in units of half the cube's edge.
-pub(super) fn centred(i: usize, size: usize) -> f64 {
-    (2.0 * i as f64 + 1.0) / size as f64 - 1.0
-}
-
 /// Computes voxels that are [`INSIDE`] where `inside` returns true, and 0 elsewhere.
 fn solid(part: &IndexBox, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
     fill(part, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }).into()
@@ -134,22 +116,4 @@ fn fill<T: Copy + Default + Send + Sync>(
             xs.clone().zip(row).for_each(|(i, v)| *v = value([i, j, k]));
         }
     })
-}
-
-/// Computes the voxels of a box slice by slice, in parallel; they are incomplete if `loading` was cancelled.
-pub(super) fn by_slices<T: Copy + Default + Send + Sync>(
-    [xs, ys, zs]: &IndexBox,
-    loading: &Loading,
-    compute: impl Fn(usize, &mut [T]) + Sync,
-) -> Array3<T> {
-    let mut voxels = Array3::default((zs.len(), ys.len(), xs.len()));
-    let slices = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut((xs.len() * ys.len()).max(1));
-    let pieces = loading.pieces(ReadingStage::Building, zs.len());
-    zs.clone().into_par_iter().zip(slices).for_each(|(k, slice)| {
-        if !pieces.is_cancelled() {
-            compute(k, slice);
-            pieces.done();
-        }
-    });
-    voxels
 }

@@ -19,6 +19,7 @@
 
 mod foam;
 mod formula;
+mod grid;
 mod media;
 mod thorax;
 
@@ -26,8 +27,10 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::memory_budget::check_grid;
 use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, VoxelSource as _, VoxelStorage};
-use formula::Formula;
+use foam::Foam;
+use formula::{Formula, Shape};
 use glam::{DAffine3, DMat3, DVec3};
+use media::Metaballs;
 use std::fmt;
 
 /// Built-in volume (phantom), computed instead of read from a file.
@@ -57,11 +60,6 @@ pub enum Phantom {
     /// Phantom with thin curved sheets, and gaps in them.
     Sheets,
 }
-
-/// Edge length of the cube that the analytic phantoms fill, mm.
-const CUBE_MM: f64 = 64.0;
-/// Voxel value inside the objects of the analytic phantoms.
-const INSIDE: f64 = 1000.0;
 
 impl Phantom {
     /// All built-in volumes (phantoms), the default first.
@@ -157,7 +155,7 @@ impl Phantom {
             let why = format!("size {size} is not in 1..={}", Self::MAX_SIZE);
             return Err(Error::input("cannot build phantom", source, why));
         }
-        let formula = Formula::new(self, size);
+        let formula = Formula::new(self.shape(), size);
         let (dims, element) = (formula.dims(), formula.element());
         let affine = centred_affine(dims, formula.spacing_mm());
         let storage = match loading.out_of_core_limit(dims, element.memory_bytes()) {
@@ -171,6 +169,25 @@ impl Phantom {
         let mut provenance = Provenance::new(source, "phantom", element.name());
         provenance.values = ValueMeaning::Hounsfield("built in".into());
         Volume::from_storage(storage, Scaling::IDENTITY, affine, provenance, loading)
+    }
+}
+
+impl Phantom {
+    /// Returns the shape of the phantom, with what is the same for all of its voxels.
+    fn shape(self) -> Shape {
+        match self {
+            Self::Thorax => Shape::Chest(thorax::solids()),
+            Self::Slab => Shape::Slab,
+            Self::Sphere => Shape::Sphere,
+            Self::Shell => Shape::Shell,
+            Self::Step => Shape::Step,
+            Self::Comb => Shape::Comb,
+            Self::Cloud => Shape::Balls(Metaballs::cloud()),
+            Self::Smoke => Shape::Balls(Metaballs::smoke()),
+            Self::Foam => Shape::Foam(Foam::closed()),
+            Self::Struts => Shape::Foam(Foam::open()),
+            Self::Sheets => Shape::Sheets,
+        }
     }
 }
 

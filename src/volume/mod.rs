@@ -3,6 +3,7 @@
 //! Voxel centres are at integer index coordinates `(i, j, k)`. Between them the field is trilinear, clamped at the
 //! edge. Its domain is `[-0.5, n - 0.5]^3` in index space; outside the extinction is zero.
 
+mod access;
 mod bricks;
 mod byte_count;
 mod crop;

@@ -6,7 +6,7 @@
 use super::header::DATATYPES;
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
-use crate::formats::write::Numbers;
+use crate::formats::numbers::Numbers;
 use crate::volume::Volume;
 use flate2::Compression;
 use flate2::write::GzEncoder;

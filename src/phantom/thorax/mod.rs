@@ -12,7 +12,7 @@ mod noise;
 mod regions;
 mod shape;
 
-use super::formula::by_slices;
+use super::grid::by_slices;
 use crate::files::loading::Loading;
 use crate::volume::IndexBox;
 pub use anatomy::solids;
