@@ -29,7 +29,7 @@ pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
 pub use joint_histogram::JointHistogram;
 pub use labels::{Labels, MAX_LABELS, Segment};
-pub(crate) use source::CHUNK_CELLS;
+pub(crate) use source::{CHUNK_CELLS, ChunkCache, chunk_cache};
 pub use source::{IndexBox, OutOfCoreVoxels, ReadUsage, VoxelSource};
 pub use storage::{VoxelBlock, VoxelStorage};
 pub use voxels::{Scaling, Voxel, Voxels};

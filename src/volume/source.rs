@@ -48,12 +48,9 @@ const SLAB_PART: u64 = 16;
 const MOST_SLAB_BYTES: u64 = 1 << 30;
 /// Number of chunks that stay in the cache, whatever the limit: rays would read the same chunks over and over.
 const LEAST_CHUNKS: u64 = 64;
-/// Number of independent parts of the cache, which threads lock one at a time.
-const CACHE_SHARDS: usize = 8;
-
 /// Weight of a chunk in the cache: its size in bytes.
 #[derive(Debug, Clone, Copy)]
-struct ChunkBytes;
+pub(crate) struct ChunkBytes;
 
 impl Weighter<[usize; 3], Arc<Voxels>> for ChunkBytes {
     fn weight(&self, _: &[usize; 3], chunk: &Arc<Voxels>) -> u64 {
@@ -61,11 +58,32 @@ impl Weighter<[usize; 3], Arc<Voxels>> for ChunkBytes {
     }
 }
 
+/// Cache of the chunks of a volume that were read last, by their place along x, y and z.
+pub(crate) type ChunkCache = Cache<[usize; 3], Arc<Voxels>, ChunkBytes>;
+
+/// Creates a cache of at most `cache_bytes` bytes for chunks of about `chunk_bytes` bytes.
+pub(crate) fn chunk_cache(cache_bytes: u64, chunk_bytes: u64) -> ChunkCache {
+    /// Number of shards of the cache, which threads lock one at a time, and of chunks that each should hold.
+    const MOST_SHARDS: usize = 8;
+    const CHUNKS_IN_SHARD: usize = 8;
+    let chunks = (cache_bytes / chunk_bytes.max(1)) as usize + 1;
+    let options = OptionsBuilder::new()
+        .estimated_items_capacity(chunks)
+        .weight_capacity(cache_bytes)
+        .shards((chunks / CHUNKS_IN_SHARD).clamp(1, MOST_SHARDS))
+        .build();
+    let (hasher, lifecycle) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
+    match options {
+        Ok(options) => Cache::with_options(options, ChunkBytes, hasher, lifecycle),
+        Err(_) => Cache::with_weighter(chunks, cache_bytes, ChunkBytes),
+    }
+}
+
 /// Voxels that are read from a source in parts, with a cache of the chunks that were read last.
 #[derive(Debug)]
 pub struct OutOfCoreVoxels {
     source: Box<dyn VoxelSource>,
-    chunks: Cache<[usize; 3], Arc<Voxels>, ChunkBytes>,
+    chunks: ChunkCache,
     /// Stored value that replaces numbers that are not finite.
     replacement: OnceLock<f64>,
     host_bytes: u64,
@@ -94,21 +112,7 @@ impl OutOfCoreVoxels {
     /// Prepares reading from a source with a limit on host memory in bytes.
     pub fn new(source: Box<dyn VoxelSource>, host_bytes: u64) -> Self {
         let chunk_bytes = (CHUNK_CELLS as u64 + 1).pow(3) * source.element().memory_bytes();
-        let cache_bytes = (host_bytes / CACHE_PART).max(LEAST_CHUNKS * chunk_bytes);
-        let options = OptionsBuilder::new()
-            .estimated_items_capacity((cache_bytes / chunk_bytes) as usize)
-            .weight_capacity(cache_bytes)
-            .shards(CACHE_SHARDS)
-            .build();
-        let chunks = match options {
-            Ok(options) => Cache::with_options(
-                options,
-                ChunkBytes,
-                DefaultHashBuilder::default(),
-                DefaultLifecycle::default(),
-            ),
-            Err(_) => Cache::with_weighter(1, cache_bytes, ChunkBytes),
-        };
+        let chunks = chunk_cache((host_bytes / CACHE_PART).max(LEAST_CHUNKS * chunk_bytes), chunk_bytes);
         let failure = OnceLock::new();
         let (read_bytes, read_ns) = (AtomicU64::new(0), AtomicU64::new(0));
         Self { source, chunks, replacement: OnceLock::new(), host_bytes, failure, read_bytes, read_ns }

@@ -3,11 +3,9 @@
 use super::chunks::SubVolume;
 use super::metadata::Array;
 use crate::error::{Error, Result};
-use crate::volume::{Element, IndexBox, Voxel, VoxelSource, Voxels};
+use crate::volume::{ChunkCache, Element, IndexBox, Voxel, VoxelSource, Voxels, chunk_cache};
 use crate::with_voxels;
 use ndarray::{ArrayViewMut3, s};
-use quick_cache::Weighter;
-use quick_cache::sync::Cache;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -16,15 +14,8 @@ use std::sync::Arc;
 /// Part of the limit on host memory for the cache of decoded chunks.
 const CACHE_PART: u64 = 2;
 
-/// Weight of a decoded chunk in the cache: its size in bytes.
-#[derive(Debug, Clone, Copy)]
-struct ChunkBytes;
-
-impl Weighter<[usize; 3], Arc<Voxels>> for ChunkBytes {
-    fn weight(&self, _: &[usize; 3], chunk: &Arc<Voxels>) -> u64 {
-        chunk.bytes().len() as u64
-    }
-}
+/// Number of decoded chunks that stay in the cache, whatever the limit.
+const LEAST_CHUNKS: u64 = 8;
 
 /// Voxels of one frame of a Zarr array.
 #[derive(Debug)]
@@ -35,7 +26,7 @@ pub(super) struct ZarrVoxels {
     /// Index of the axes x, y and z in the shape of the array, and the fixed index along the others.
     space: [Option<usize>; 3],
     fixed: Vec<usize>,
-    chunks: Cache<[usize; 3], Arc<Voxels>, ChunkBytes>,
+    chunks: ChunkCache,
 }
 
 impl ZarrVoxels {
@@ -45,16 +36,15 @@ impl ZarrVoxels {
     /// The array claims far more data than its files can hold.
     pub fn new(path: PathBuf, frame: &SubVolume<'_>, host_bytes: u64) -> Result<Self, String> {
         frame.check_claims()?;
-        let cache_bytes = host_bytes / CACHE_PART;
-        let chunk_bytes =
-            frame.chunk_sides().iter().product::<usize>() as u64 * frame.array.element.memory_bytes();
-        let chunks = (cache_bytes / chunk_bytes.max(1)) as usize + 1;
+        let chunk_voxels = frame.chunk_sides().iter().product::<usize>() as u64;
+        let chunk_bytes = chunk_voxels * frame.array.element.memory_bytes();
+        let cache_bytes = (host_bytes / CACHE_PART).max(LEAST_CHUNKS.saturating_mul(chunk_bytes));
         Ok(Self {
             path,
             array: frame.array.clone(),
             space: frame.space,
             fixed: frame.fixed.clone(),
-            chunks: Cache::with_weighter(chunks, cache_bytes, ChunkBytes),
+            chunks: chunk_cache(cache_bytes, chunk_bytes),
         })
     }
 
