@@ -69,6 +69,13 @@ const PAGE_SHIFT: vec3<u32> = vec3<u32>(#{PAGE_SHIFT});
 // Texels from one page to the next.
 const PAGE_VOXELS: i32 = #{PAGE_VOXELS};
 #endif
+#ifdef STREAMED
+// One bit for each page: whether a ray waits until it is resident.
+@group(0) @binding(#{WAITING_BINDING}) var<storage, read_write> waiting_pages: array<atomic<u32>>;
+#endif
+// Flags in an entry of the page table: the page is not resident; it or one of its neighbours is not.
+const MISSING: u32 = #{MISSING};
+const NEAR_MISSING: u32 = #{NEAR_MISSING};
 
 // The eight values that a cell interpolates, x fastest: lo = z - 1 layer, hi = z layer; (x-y-, x+y-, x-y+, x+y+).
 struct Cell {
@@ -77,12 +84,32 @@ struct Cell {
 }
 
 #ifdef PAGED
+// Returns the page of the cells above the voxel `low`.
+fn page_above(low: vec3<i32>) -> vec3<i32> {
+    return min(low >> PAGE_SHIFT, field.page_counts - 1);
+}
+
 // Returns the offset from voxel to texel coordinates for the voxel `low` and the next ones along each axis.
 fn page_offset(low: vec3<i32>) -> vec3<i32> {
-    let page = min(low >> PAGE_SHIFT, field.page_counts - 1);
+    let page = page_above(low);
     let entry = textureLoad(page_table, page, 0).x;
     let slot = vec3<i32>((vec3<u32>(entry) >> vec3<u32>(0u, 10u, 20u)) & vec3<u32>(1023u));
     return slot * PAGE_VOXELS - (page << PAGE_SHIFT);
+}
+#endif
+
+#ifdef STREAMED
+// Returns the number of the page of a cell if one of the flags is set in its entry, else -1.
+fn missing_page(cell: vec3<i32>, flags: u32) -> i32 {
+    let page = page_above(clamp(cell - 1, vec3<i32>(0), vec3<i32>(field.size) - 1));
+    let entry = textureLoad(page_table, page, 0).x;
+    let number = (page.z * field.page_counts.y + page.y) * field.page_counts.x + page.x;
+    return select(-1, number, (entry & flags) != 0u);
+}
+
+// Lets a ray wait for a page.
+fn wait_for_page(page: i32) {
+    atomicOr(&waiting_pages[u32(page) >> 5u], 1u << (u32(page) & 31u));
 }
 #endif
 

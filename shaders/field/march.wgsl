@@ -22,6 +22,7 @@
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::cubic::{cubic, cubic_slope, chord_cubic, crossing, extrema}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, ordinates_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::gradient_opacity::gradient_factors
 #import umbravox::labels::{label_shift, shifted_cubic, label_borders, next_label_border, UNKNOWN_SHIFT, CUTS_BY_LABEL}
@@ -29,14 +30,14 @@
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_step, count_work, CELLS, LOADS, PIECES}
+#ifdef RAY_STATES
+#import umbravox::field::{missing_page, wait_for_page, MISSING, NEAR_MISSING}
+#import umbravox::ray_state::{has_state, start_state, finish_ray, put_word, put_float, take_word, take_float}
+#endif
 
 // Gauss-Legendre quadrature on [0, 1] with four points, exact to degree seven.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
 const GAUSS_WEIGHTS = vec4<f32>(#{OUTER_WEIGHT}, #{INNER_WEIGHT}, #{INNER_WEIGHT}, #{OUTER_WEIGHT});
-// Largest number of steps of Newton's method. Each at least halves the interval: enough for every bit of a float32.
-const ROOT_STEPS: i32 = 40;
-// Allowed error of the value at a breakpoint, relative to the largest value of the stretch.
-const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
 // Fraction of a chord below which a piece is not integrated separately.
 const LEAST_PIECE: f32 = 1e-6;
 // Length, in smallest voxel spacings, below which a piece needs no further division: a depth tolerance of the error
@@ -52,73 +53,6 @@ const MAX_THICK_PIECES: u32 = 512u;
 const MAX_STRETCHES: u32 = 3u * CUTS_BY_LABEL;
 // Largest number of pieces of a ray for which the rounding error of the sum satisfies the error bound.
 const MAX_PIECES: u32 = #{MOST_PIECES};
-
-// c.x + u (c.y + u (c.z + u c.w))
-fn cubic(c: vec4<f32>, u: f32) -> f32 {
-    return c.x + u * (c.y + u * (c.z + u * c.w));
-}
-
-fn cubic_slope(c: vec4<f32>, u: f32) -> f32 {
-    return c.y + u * (2.0 * c.z + 3.0 * u * c.w);
-}
-
-// Returns the coefficients of the cubic of values along the chord of a cell from f to f + e (cell coordinates in [0,
-// 1]).
-fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
-    let c0 = cell.lo.x;
-    let cx = cell.lo.y - cell.lo.x;
-    let cy = cell.lo.z - cell.lo.x;
-    let cz = cell.hi.x - cell.lo.x;
-    let cxy = (cell.lo.w - cell.lo.z) - cx;
-    let cxz = (cell.hi.y - cell.hi.x) - cx;
-    let cyz = (cell.hi.z - cell.hi.x) - cy;
-    let cxyz = ((cell.hi.w - cell.hi.z) - (cell.hi.y - cell.hi.x)) - cxy;
-    return vec4<f32>(
-        c0 + f.x * (cx + f.y * (cxy + f.z * cxyz) + f.z * cxz) + f.y * (cy + f.z * cyz) + f.z * cz,
-        e.x * (cx + f.y * (cxy + f.z * cxyz) + f.z * cxz)
-            + e.y * (cy + f.x * (cxy + f.z * cxyz) + f.z * cyz)
-            + e.z * (cz + f.x * (cxz + f.y * cxyz) + f.y * cyz),
-        e.x * e.y * (cxy + f.z * cxyz) + e.x * e.z * (cxz + f.y * cxyz) + e.y * e.z * (cyz + f.x * cxyz),
-        e.x * e.y * e.z * cxyz,
-    );
-}
-
-// Returns the parameter at which the cubic takes the value v. It is monotone from a to b, with the values va and vb
-// there.
-fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
-    var lo = a;
-    var hi = b;
-    let rising = vb > va;
-    var u = a + (b - a) * clamp((v - va) / (vb - va), 0.0, 1.0);
-    let enough = ROOT_TOLERANCE * max(abs(va), abs(vb));
-    for (var i = 0; i < ROOT_STEPS; i++) {
-        let excess = cubic(c, u) - v;
-        if abs(excess) <= enough { break; }
-        if (excess > 0.0) == rising { hi = u; } else { lo = u; }
-        let slope = cubic_slope(c, u);
-        var next = u - excess / select(slope, 1.0, slope == 0.0);
-        if !(next >= lo && next <= hi) { next = 0.5 * (lo + hi); }
-        u = next;
-    }
-    return clamp(u, a, b);
-}
-
-// Returns the extrema of the cubic inside (0, 1), ascending; 2 for an extremum that does not exist.
-fn extrema(c: vec4<f32>) -> vec2<f32> {
-    let a = 3.0 * c.w;
-    let b = c.z;
-    let size = abs(c.y) + abs(c.z) + abs(c.w);
-    var roots = vec2<f32>(2.0);
-    if size == 0.0 { return roots; }
-    let disc = b * b - a * c.y;
-    if disc > 0.0 {
-        let q = -(b + select(-1.0, 1.0, b >= 0.0) * sqrt(disc));
-        if q != 0.0 { roots.x = c.y / q; }
-        if abs(a) > 1e-7 * size { roots.y = q / a; }
-    }
-    roots = select(vec2<f32>(2.0), roots, (roots > vec2<f32>(0.0)) & (roots < vec2<f32>(1.0)));
-    return vec2<f32>(min(roots.x, roots.y), max(roots.x, roots.y));
-}
 
 // Light ray in a frame in which it ascends along all axes. The other axes are mirrored about whole bricks, so that
 // bricks map to bricks.
@@ -163,6 +97,10 @@ struct CellMarch {
     shift: f32,
     // Number of pieces into which the cell may still be cut.
     pieces_left: u32,
+#ifdef RAY_STATES
+    // Number of the page that must become resident before the march goes on; -1 if it goes on.
+    missing: i32,
+#endif
 #ifdef GRADIENT_OPACITY
     // Start of the chord in the cell, its end minus its start, and -1 along mirrored axes, else 1.
     chord_start: vec3<f32>,
@@ -222,6 +160,40 @@ fn start_cells(ray: AscendingRay) -> CellMarch {
     return march;
 }
 
+#ifdef RAY_STATES
+#ifdef LABELS
+const READ_FLAGS: u32 = NEAR_MISSING;
+#else ifdef GRADIENT_OPACITY
+const READ_FLAGS: u32 = NEAR_MISSING;
+#else
+const READ_FLAGS: u32 = MISSING;
+#endif
+
+// Stores the state of a march that waits for a page. Between two cells no chord is pending.
+fn suspend_cells(march: CellMarch, pieces: u32) {
+    wait_for_page(march.missing);
+    start_state();
+    put_float(march.z);
+    put_word(bitcast<u32>(march.cell.x));
+    put_word(bitcast<u32>(march.cell.y));
+    put_word(bitcast<u32>(march.cell.z));
+    put_word(bitcast<u32>(march.cells_left));
+    put_word(pieces);
+}
+
+// Continues a march that has waited, and returns its number of pieces. The values of the near face of the cell are read
+// again.
+fn resume_cells(march: ptr<function, CellMarch>) -> u32 {
+    (*march).z = take_float();
+    (*march).cell.x = bitcast<i32>(take_word());
+    (*march).cell.y = bitcast<i32>(take_word());
+    (*march).cell.z = bitcast<i32>(take_word());
+    (*march).cells_left = bitcast<i32>(take_word());
+    (*march).marching = true;
+    return take_word();
+}
+#endif
+
 // Starts the chord of the present cell, which ends at the depth `exit` and the point p.
 fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>, exit: f32) {
     let corner = vec3<f32>((*march).cell);
@@ -254,6 +226,12 @@ fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
 #ifdef EARLY_LOADS
     // These loads do not wait for the distance; in empty bricks nothing uses them.
     let values = next_cell_values((*march).values, grid_cell, ray.mirrored, (*march).along, (*march).known);
+#endif
+#ifdef RAY_STATES
+    if distance == 0 {
+        (*march).missing = missing_page(grid_cell, READ_FLAGS);
+        if (*march).missing >= 0 { return; }
+    }
 #endif
     let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
     let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - ray.ascending_o) * ray.inv_ascending_d, ray.moves);
@@ -391,6 +369,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var state = start_cells(ray);
     // Number of pieces of the whole ray.
     var pieces = 0u;
+#ifdef RAY_STATES
+    state.missing = -1;
+    if has_state() { pieces = resume_cells(&state); }
+#endif
     var done = false;
     // Whether a cell or the ray exceeds its limit of pieces.
     var too_many = false;
@@ -399,9 +381,15 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         loop {
             steps += 1u;
             if state.u >= 1.0 && state.marching { step_cell(&state, ray); }
+#ifdef RAY_STATES
+            if state.missing >= 0 { break; }
+#endif
             if state.u < 1.0 || !state.marching || steps >= LIGHT_STEPS_TOGETHER { break; }
         }
         if state.u >= 1.0 {
+#ifdef RAY_STATES
+            if state.missing >= 0 { break; }
+#endif
             if !state.marching {
                 done = true;
                 break;
@@ -422,5 +410,12 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             state.u = 1.0;
         }
     }
+#ifdef RAY_STATES
+    if state.missing >= 0 {
+        suspend_cells(state, pieces);
+        return;
+    }
+    finish_ray();
+#endif
     if !done || too_many || state.cells_left < 0 { report_iteration_limit(); }
 }

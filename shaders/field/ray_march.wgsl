@@ -12,6 +12,9 @@
 #import umbravox::labels::{CUTS_BY_LABEL, label_stretch, next_sample, parts_of_step, is_hidden, shifted_value}
 #import umbravox::tuning::{quotient, EYE_STEPS_TOGETHER}
 #import umbravox::work::count_step
+#ifdef RAY_STATES
+#import umbravox::field::{missing_page, NEAR_MISSING}
+#endif
 
 struct Ray {
     // Point of the ray at depth 0, and its direction per mm, in grid space.
@@ -52,6 +55,12 @@ struct RayMarch {
 #endif
     // Number of iterations that all loops of the ray may still take.
     iterations_left: u32,
+#ifdef RAY_STATES
+    // Number of the page that must become resident before the next step; -1 if it is. Number of steps that `advance` had
+    // taken before.
+    missing: i32,
+    steps_together: u32,
+#endif
 }
 
 #ifdef SURFACES
@@ -147,6 +156,22 @@ fn brick_at(ray: Ray, t: f32) -> vec3<i32> {
 }
 #endif
 
+#ifdef RAY_STATES
+#ifdef SKIP_BRICKS
+// Distance in bricks of a sample to active bricks above which a step only skips: no step is longer than 8 voxels.
+const ONLY_SKIPS: i32 = 3;
+#endif
+
+// Returns the number of a page that the next step and the shading of its segment read and that is not resident, or -1.
+fn page_before_step(march: RayMarch, ray: Ray) -> i32 {
+    let ahead = sample_depth(ray, next_sample(march.k));
+#ifdef SKIP_BRICKS
+    if march.steps_unskipped == 0u && brick_distance_at(brick_at(ray, ahead)) > ONLY_SKIPS { return -1; }
+#endif
+    return missing_page(vec3<i32>(floor(ray.o + ahead * ray.d)), NEAR_MISSING);
+}
+#endif
+
 // Advances the march to the next sample, or to the last sample in the empty bricks around it.
 fn step(march: ptr<function, RayMarch>, ray: Ray) {
     count_step();
@@ -216,7 +241,20 @@ fn step(march: ptr<function, RayMarch>, ray: Ray) {
 // Advances the march until it hits a segment with extinction, the ray ends, or EYE_STEPS_TOGETHER steps are taken.
 fn advance(march: ptr<function, RayMarch>, ray: Ray) {
     var steps = 0u;
+#ifdef RAY_STATES
+    steps = (*march).steps_together;
+    (*march).steps_together = 0u;
+#endif
     loop {
+#ifdef RAY_STATES
+        if (*march).marching && !(*march).hit && !is_searching(*march) {
+            (*march).missing = page_before_step(*march, ray);
+            if (*march).missing >= 0 {
+                (*march).steps_together = steps;
+                break;
+            }
+        }
+#endif
         steps += 1u;
         if (*march).marching && !(*march).hit && !is_searching(*march) {
             step(march, ray);

@@ -1,6 +1,9 @@
 // Computes the transmittance from the light at a list of points, with the same code as pictures.
 
 #import umbravox::shadow::transmittance
+#ifdef STREAMED
+#import umbravox::field::{missing_page, wait_for_page, NEAR_MISSING}
+#endif
 #ifdef SECTIONS
 #import umbravox::section::section_contains
 #endif
@@ -15,6 +18,15 @@ fn query(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
 #ifdef SECTIONS
     // Another dispatch answers for points in other sections.
     if !section_contains(points[i].xyz) { return; }
+#endif
+#ifdef STREAMED
+    // A negative result is not known yet.
+    if results[i] >= 0.0 { return; }
+    let missing = missing_page(vec3<i32>(floor(points[i].xyz)), NEAR_MISSING);
+    if missing >= 0 {
+        wait_for_page(missing);
+        return;
+    }
 #endif
     results[i] = transmittance(points[i].xyz);
 }

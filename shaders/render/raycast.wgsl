@@ -2,12 +2,10 @@
 //
 // A march by regular samples (`umbravox::ray_march`) hits segments with extinction. With shadows, thick segments are
 // split, and a few segments form a light interval, whose two ends share their shadow queries; with LOOKUP_EACH every
-// segment has its own. Without shadows every segment is lit at once. Expensive code stands in the program once, and
-// lanes of a subgroup wait for each other only there.
+// segment has its own. Expensive code stands in the program once, and lanes of a subgroup wait for each other only there.
 //
 // A picture of several lights sums one pass for each (LIGHT_FACTOR). The first pass adds ambient and background. With
-// SECTIONS a dispatch draws the matter of one section of the volume (`umbravox::section_ray`).
-//
+// SECTIONS a dispatch draws the matter of one section of the volume. With RAY_STATES rays wait for pages of the volume.
 // The shadow method, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32
 //       from the light to a grid-space point of the domain; 1 if nothing lies between. Its bindings are in group 1
@@ -17,6 +15,11 @@
 #import umbravox::frame::{frame, picture, ray_pixel}
 #import umbravox::field::FAR
 #import umbravox::ray_march::{Ray, RayMarch, ray_through, start_march, advance, is_searching, SURFACE_SEARCH, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}
+#import umbravox::eye_state::{LightInterval, KnownLight}
+#ifdef RAY_STATES
+#import umbravox::eye_state::{suspend_eye_ray, resume_march, resumed_interval, resumed_light}
+#import umbravox::ray_state::{select_ray, has_state, finish_ray}
+#endif
 #ifdef RESUMABLE
 #import umbravox::resumption::{resumption, UNKNOWN_LIGHT}
 #endif
@@ -126,23 +129,6 @@ fn eye_depth(pixel: vec2<u32>) -> f32 {
 #endif
 
 // ---- Segments and intervals ----
-
-// Consecutive segments of an eye ray that share the shadow queries at their two ends.
-struct LightInterval {
-    segments: u32,
-    // Depths of the interval's ends, mm, its optical depth, and the fraction of light to the eye that it absorbs.
-    start: f32,
-    end: f32,
-    depth: f32,
-    visible: f32,
-    // Light emitted towards the eye before shadows, linear RGB, and that times the shading factor.
-    color: vec3<f32>,
-    shaded: vec3<f32>,
-    // Length of the parts of a thick segment, mm; FAR for other segments.
-    part_mm: f32,
-    // Whether the interval must be lit before it takes more segments.
-    complete: bool,
-}
 
 // Part of the segment that the march has hit.
 struct Part {
@@ -276,6 +262,9 @@ fn accumulate_interval(
         if !(*interval).complete {
             let is_new = !(*march).hit;
             advance(march, ray);
+#ifdef RAY_STATES
+            if (*march).missing >= 0 { break; }
+#endif
 #ifdef SECTIONS
             if is_new { keep_to_section(march, ray); }
 #endif
@@ -290,12 +279,6 @@ fn accumulate_interval(
 }
 
 #ifdef SHADOWS
-// Depth on the eye ray of the last shadow query, mm, and the transmittance from the light there.
-struct KnownLight {
-    t: f32,
-    light: f32,
-}
-
 // Queries the transmittance from the light at one end of a complete interval, adds the light that reaches the eye to
 // `color`, and empties the interval. If the start is not known yet, it queries the start and keeps the interval.
 fn light_interval(
@@ -379,8 +362,19 @@ fn raycast(
     }
 #endif
     var interval = LightInterval(0u, 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
-#ifdef SHADOWS
     var known = KnownLight(-FAR, 1.0);
+#ifdef RAY_STATES
+    if !select_ray(index) { return; }
+    march.missing = -1;
+    if has_state() {
+        color = picture[index].rgb;
+        left = picture[index].a;
+        resume_march(&march);
+        interval = resumed_interval(FAR);
+        known = resumed_light();
+    }
+#endif
+#ifdef SHADOWS
 #ifdef RESUMABLE
     if resume.x != -FAR && resume.y != UNKNOWN_LIGHT { known = KnownLight(sample_depth(ray, march.k), resume.y); }
 #endif
@@ -393,6 +387,9 @@ fn raycast(
             break;
         }
         accumulate_interval(&interval, &color, &march, &left, ray);
+#ifdef RAY_STATES
+        if march.missing >= 0 { break; }
+#endif
         if is_searching(march) { find_surface(&march, ray); }
 #ifdef SHADOWS
         if interval.complete {
@@ -420,6 +417,14 @@ fn raycast(
     }
     add_divergence(pixel.at, frame.size.x);
     add_work();
+#ifdef RAY_STATES
+    if march.missing >= 0 {
+        picture[index] = vec4<f32>(color, left);
+        suspend_eye_ray(march, interval, known);
+        return;
+    }
+    finish_ray();
+#endif
     if reached_iteration_limit(march) || (march.marching && left >= EYE_OVER && !interrupted) { report_iteration_limit(); }
 #ifdef RESUMABLE
     if interrupted {

@@ -8,6 +8,10 @@
 #import umbravox::watch::report_iteration_limit
 #import umbravox::segments::{segment_value, LEAST_VALUE, LEAST_RATIO, LEAST_TRANSMITTANCE}
 #import umbravox::curve_nodes::{start_nodes, nodes_stored, store_point, finish_nodes, largest_error}
+#ifdef RAY_STATES
+#import umbravox::curve_nodes::{save_nodes, load_nodes}
+#import umbravox::ray_state::{put_float, take_float}
+#endif
 
 const STEEPEST: f32 = 1e30;
 // Difference of depths below which a line is vertical, as a share of the map's range.
@@ -123,3 +127,28 @@ fn finish() {
     if nodes_stored() > 0u && writer.last_z > writer.origin_z { emit(writer.last_z, line_end()); }
     finish_nodes(writer.origin_value);
 }
+
+#ifdef RAY_STATES
+// Stores the state of the compression of a ray that waits.
+fn save_writer() {
+    put_float(writer.origin_z);
+    put_float(writer.origin_value);
+    put_float(writer.slope_lo);
+    put_float(writer.slope_hi);
+    put_float(writer.last_z);
+    put_float(writer.last_t);
+    put_float(writer.last_value);
+    save_nodes();
+}
+
+fn load_writer() {
+    writer.origin_z = take_float();
+    writer.origin_value = take_float();
+    writer.slope_lo = take_float();
+    writer.slope_hi = take_float();
+    writer.last_z = take_float();
+    writer.last_t = take_float();
+    writer.last_value = take_float();
+    load_nodes();
+}
+#endif

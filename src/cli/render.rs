@@ -6,7 +6,7 @@ use super::render_progress::RenderProgress;
 use crate::engine::{Building, CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::field::PageUsage;
+use crate::field::{PageUsage, StreamUsage};
 use crate::files::animation::is_animation;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output, check_output_or_stdout, extension_or_first, write_whole};
@@ -291,6 +291,8 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     pages: Option<PageUsage>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    streaming: Option<StreamUsage>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     reading: Option<ReadUsage>,
     table_ms: f64,
     march_table_ms: Option<f64>,
@@ -343,6 +345,7 @@ impl Summary {
             method: method.name(),
             params: method.params(),
             pages: transfer.pages,
+            streaming: transfer.stream().map(|stream| stream.usage()),
             reading: loaded.volume.out_of_core().map(|parts| parts.usage()),
             table_ms: transfer.table_ms,
             march_table_ms: transfer.march_table().map(|t| t.table_ms),
@@ -394,6 +397,11 @@ impl Summary {
         if let Some(PageUsage { total, needed, pool_bytes, upload_ms, .. }) = self.pages {
             let mb = pool_bytes as f64 * 1e-6;
             print(format!("volume as pages: {needed} of {total} in {mb:.0} MB, {upload_ms:.0} ms"));
+        }
+        if let Some(StreamUsage { blocks, pages, ms }) = self.streaming {
+            print(format!(
+                "volume block by block: {blocks} blocks with {pages} uploads of pages, {ms:.0} ms"
+            ));
         }
         if let Some(ReadUsage { read_bytes, read_ms, cached_bytes, peak_bytes, .. }) = self.reading {
             let [read, cached] = [read_bytes, cached_bytes].map(|bytes| bytes as f64 * 1e-6);

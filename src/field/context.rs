@@ -1,6 +1,6 @@
 //! Inputs for building a shadow map: a volume, its transfer function and a light on a graphics device.
 
-use super::shader::shape_of;
+use super::shader::{RAY_STATES, shape_of};
 use super::tile_pace::Batch;
 use super::{
     BuildRecorder, DeferredPasses, DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View,
@@ -125,7 +125,7 @@ impl BuildContext<'_> {
         [shadow, stage]: [&Group; 2],
         workgroups: [u32; 3],
     ) -> Result<Span> {
-        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let variant = &self.prepared(variant)?;
         self.record(variant, [shadow, stage], workgroups);
         let groups = &[self.transfer.group(), shadow, stage];
         let pass = DevicePass { variant, groups, workgroups };
@@ -149,7 +149,7 @@ impl BuildContext<'_> {
         read: Option<Read<'_>>,
     ) -> Result<(Span, Option<Vec<u32>>)> {
         let granule = TilePace::granule(&self.gpu().device.limits());
-        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let variant = &self.prepared(variant)?;
         let over = |batch: Batch| {
             let entries = (0, Slot::read(batch.binding(list.entries)));
             let stage = self.kernels.group(label, &[&[entries][..], stage].concat());
@@ -209,6 +209,25 @@ impl BuildContext<'_> {
         Ok((span, reads.into_iter().next()))
     }
 
+    /// Prepares the shader of a pass over the volume.
+    ///
+    /// # Errors
+    /// The device is out of memory, or the volume is resident block by block and the pass reads it as a whole.
+    fn prepared(&self, variant: &ShaderVariant) -> Result<ShaderVariant> {
+        if self.transfer.stream().is_some() && !variant.defs.contains(&RAY_STATES) {
+            return Err(self.not_by_blocks());
+        }
+        self.transfer.prepared(self.gpu(), variant.clone())
+    }
+
+    /// Returns the error of a build that needs the whole volume on the device.
+    pub fn not_by_blocks(&self) -> Error {
+        let source = &self.volume.provenance.source;
+        let why = "its pages with extinction exceed the device memory, and this method or setting needs all at once";
+        Error::input("cannot build a shadow map of", source, why)
+            .hint("dsm, osm, dom, bom, fourier, moments, wavelet and beer march block by block; --device-memory sets the limit")
+    }
+
     /// Records a pass for another program, if the build is recorded. `shadow` and `stage` are bind groups 1 and 2.
     fn record(&self, variant: &ShaderVariant, [shadow, stage]: [&Group; 2], workgroups: [u32; 3]) {
         if let Some(recorder) = self.recorder {
@@ -233,7 +252,7 @@ impl BuildContext<'_> {
         shadow: &Group,
         steps: &[(Group, [u32; 3])],
     ) -> Result<Span> {
-        let variant = &self.transfer.prepared(self.gpu(), variant.clone())?;
+        let variant = &self.prepared(variant)?;
         let groups: Vec<_> = steps.iter().map(|(step, _)| [self.transfer.group(), shadow, step]).collect();
         let passes = groups.iter().zip(steps);
         let passes: Vec<_> =

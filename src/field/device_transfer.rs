@@ -7,7 +7,7 @@ use super::gradient_uniform::gradient_uniform;
 use super::merged_function::MergedFunction;
 use super::transfer_textures::{color_integrals, distance_texture, interval_table, no_pairs, row_texture};
 use super::{
-    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, PageUsage, SharedBuffers,
+    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, PageStream, PageUsage, SharedBuffers,
     grid_from_world, marches_cells,
 };
 use crate::error::Result;
@@ -17,7 +17,7 @@ use crate::transfer::{
 };
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Uniform of a volume and its transfer function: `Field` of `shaders/field/field.wgsl`.
@@ -78,6 +78,8 @@ pub struct DeviceTransfer {
     uniform: FieldUniform,
     /// Memory of the volume's pages on the device; `None` if the volume is one texture.
     pub pages: Option<PageUsage>,
+    /// Stream of the volume's pages; `None` if all needed pages are resident.
+    stream: Option<Arc<PageStream>>,
     /// Whether texels of the volume are whole numbers.
     has_words: bool,
     bindings: FieldBindings,
@@ -143,11 +145,13 @@ impl DeviceTransfer {
         let one_color = one_color(&merged.function, disabled);
         let textures = on_device.textures(gpu, &loaded.volume, &active, (tf, bin))?;
         let has_words = textures.pages.as_ref().is_some_and(|pages| pages.of_words.is_some());
+        let stream = textures.pages.as_ref().and_then(|pages| pages.residency.stream().cloned());
         let uniform = field_uniform((loaded, &textures), &merged, one_color, &active, disabled);
         let bindings = FieldBindings {
             field: uniform_buffer(gpu, "field", &uniform),
             volume: textures.values.clone(),
-            page_table: textures.pages.as_ref().map(|pages| pages.table.clone()),
+            page_table: textures.pages.as_ref().map(|pages| pages.residency.table()),
+            waiting_pages: stream.as_ref().map(|stream| stream.waiting().clone()),
             has_words,
             sampler: clamp_sampler(gpu, filter),
             distances: distance_texture(gpu, &active, disabled),
@@ -167,6 +171,7 @@ impl DeviceTransfer {
             clips: !tf.clip.is_empty(),
             disabled,
             pages: textures.pages.as_ref().map(|pages| pages.usage),
+            stream,
             has_words,
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
@@ -228,8 +233,14 @@ impl DeviceTransfer {
             outer_bricks: self.outer_bricks.clone(),
             shared: self.shared.clone(),
             tf: self.tf.clone(),
+            stream: self.stream.clone(),
             ..*self
         })
+    }
+
+    /// Returns the stream of the volume's pages; `None` if all pages that are needed are resident.
+    pub fn stream(&self) -> Option<&PageStream> {
+        self.stream.as_deref()
     }
 
     /// Returns the bin width in the lookup table of extinction integrals, in units of the volume's values.
@@ -322,6 +333,7 @@ impl DeviceTransfer {
             (self.clips, "CLIP"),
             (self.has_labels, "LABELS"),
             (self.pages.is_some(), "PAGED"),
+            (self.stream.is_some(), "STREAMED"),
             (self.has_words, "WHOLE_TEXELS"),
             (self.has_gradient_opacity, "GRADIENT_OPACITY"),
         ];

@@ -3,6 +3,7 @@
 use super::ActiveBricks;
 use super::active_bricks::EmptyBricks;
 use super::page_pool::{Page, PagePool};
+use super::page_stream::PageStream;
 use super::pages::{Content, PageGrid};
 use super::texel_packing::TexelPacking;
 use crate::error::{Error, Result};
@@ -52,13 +53,39 @@ pub(super) struct VolumeTextures {
 /// Page table of a volume for a transfer function.
 #[derive(Clone)]
 pub(super) struct Pages {
-    /// Place of each page in the volume texture.
-    pub table: TextureView,
+    pub residency: Residency,
     /// Number of pages along each axis of the volume.
     pub counts: [usize; 3],
     /// Sign and offset of the values of a texture of whole numbers; `None` for one of floats.
     pub of_words: Option<[f32; 2]>,
     pub usage: PageUsage,
+}
+
+/// Pages of a volume that are on the device.
+#[derive(Clone)]
+pub(super) enum Residency {
+    /// All pages with extinction. The page table has the place of each page in the volume texture.
+    All(TextureView),
+    /// Blocks of pages, one after the other.
+    Streamed(Arc<PageStream>),
+}
+
+impl Residency {
+    /// Page table of the volume.
+    pub fn table(&self) -> TextureView {
+        match self {
+            Self::All(table) => table.clone(),
+            Self::Streamed(stream) => stream.table(),
+        }
+    }
+
+    /// Stream of the pages, if blocks of them become resident one after the other.
+    pub fn stream(&self) -> Option<&Arc<PageStream>> {
+        match self {
+            Self::All(_) => None,
+            Self::Streamed(stream) => Some(stream),
+        }
+    }
 }
 
 /// Memory of a volume that is stored as pages.
@@ -74,6 +101,8 @@ pub struct PageUsage {
     pub pool_bytes: u64,
     /// Host time to find the needed pages and to upload those that were missing, ms.
     pub upload_ms: f64,
+    /// Number of blocks of pages that become resident one after the other; 1 if the pool holds all needed pages.
+    pub blocks: usize,
 }
 
 impl DeviceVolume {
@@ -133,16 +162,8 @@ impl DeviceVolume {
         };
         let pages: Vec<Page> = contents.iter().enumerate().map(page).collect();
         let mut pool = pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = match pool.take() {
-            Some(pool) => pool.store(gpu, volume, &pages)?.map(|slots| (slots, pool)),
-            None => None,
-        };
-        let (slots, current) = match known {
-            Some(found) => found,
-            None => self.new_pool(gpu, volume, &pages)?,
-        };
+        let (current, residency) = self.residency(gpu, volume, pages, pool.take())?;
         *pool = Some(Arc::clone(&current));
-        let table = current.table(gpu, &slots);
         let (values, labels) = current.views();
         let usage = PageUsage {
             total: grid.len(),
@@ -150,18 +171,34 @@ impl DeviceVolume {
             page_bytes: PagePool::page_bytes(volume, &self.packing),
             pool_bytes: current.bytes(),
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
+            blocks: residency.stream().map_or(1, |stream| stream.blocks()),
         };
         let of_words = (self.packing.format == TextureFormat::R16Uint).then(|| self.packing.of_words());
-        let pages = Some(Pages { table, counts: grid.counts, of_words, usage });
+        let pages = Some(Pages { residency, counts: grid.counts, of_words, usage });
         Ok(VolumeTextures { values, labels, pages })
     }
 
-    /// Creates a pool with room for these pages and some more, and stores them. Returns their slots and the pool.
-    fn new_pool(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<(Vec<usize>, Arc<PagePool>)> {
-        let source = &volume.provenance.source;
+    /// Stores pages in the pool of a former transfer function or in a new one: all of them if the pool holds them, and
+    /// otherwise block by block.
+    fn residency(
+        &self,
+        gpu: &Gpu,
+        volume: &Volume,
+        pages: Vec<Page>,
+        former: Option<Arc<PagePool>>,
+    ) -> Result<(Arc<PagePool>, Residency)> {
+        if let Some(pool) = former {
+            if pool.is_streamed() {
+                if let Some(stream) = self.stream(gpu, &pool, &pages)? {
+                    return Ok((pool, stream));
+                }
+            } else if let Some(slots) = pool.store(gpu, volume, &pages)? {
+                let table = pool.table(gpu, &slots);
+                return Ok((pool, Residency::All(table)));
+            }
+        }
         let count = pages.iter().unique().count();
         let page_bytes = PagePool::page_bytes(volume, &self.packing);
-        let needed_bytes = count as u64 * page_bytes;
         let most = gpu.memory_limit.map_or(usize::MAX, |limit| (limit / page_bytes) as usize);
         let spare = (count as f64 * SPARE_SLOTS) as usize;
         let sizes = [(count + spare).min(most), count];
@@ -169,24 +206,49 @@ impl DeviceVolume {
             let made = without_errors(gpu, || PagePool::new(gpu, volume, self.packing, slots))?;
             if let Some(pool) = made.flatten()
                 && pool.len() <= most
-                && let Some(slots) = pool.store(gpu, volume, pages)?
+                && let Some(slots) = pool.store(gpu, volume, &pages)?
             {
                 gpu.wait_for(gpu.submit([]))?;
-                return Ok((slots, Arc::new(pool)));
+                let table = pool.table(gpu, &slots);
+                return Ok((Arc::new(pool), Residency::All(table)));
             }
         }
-        Err(match gpu.memory_limit {
-            Some(limit) if count >= most => {
-                let why =
-                    format!("its parts with extinction need {needed_bytes} bytes, and {limit} are allowed");
-                let hint = "--device-memory sets the limit; --downsample and --crop reduce the volume";
-                Error::input(WHAT, source, why).hint(hint)
+        let sizes = std::iter::successors(Some(most.min(count)), |slots| Some(slots / 2));
+        for most in sizes.take_while(|slots| *slots > 0) {
+            let made = without_errors(gpu, || PagePool::within(gpu, volume, self.packing, most))?;
+            let Some(pool) = made.flatten().map(Arc::new) else { continue };
+            if let Some(stream) = self.stream(gpu, &pool, &pages)? {
+                return Ok((pool, stream));
             }
-            _ => {
-                let why = format!("the device has no room for {needed_bytes} bytes of it");
-                Error::runtime(WHAT, source, why).hint(DOWNSAMPLE_HINT)
-            }
-        })
+            break;
+        }
+        Err(cannot_hold(gpu, volume, count as u64 * page_bytes))
+    }
+
+    /// Prepares the streaming of pages through a pool; `None` if it is too small for the smallest block.
+    fn stream(&self, gpu: &Gpu, pool: &Arc<PagePool>, pages: &[Page]) -> Result<Option<Residency>> {
+        let counts = PageGrid::of(self.dims).counts;
+        let stream = PageStream::new(gpu, Arc::clone(pool), pages.to_vec(), counts)?;
+        Ok(stream.map(|stream| Residency::Streamed(Arc::new(stream))))
+    }
+}
+
+/// Returns the error of a volume whose pages with extinction need `needed_bytes`.
+fn cannot_hold(gpu: &Gpu, volume: &Volume, needed_bytes: u64) -> Error {
+    let source = &volume.provenance.source;
+    match gpu.memory_limit {
+        Some(limit) => {
+            let why = format!(
+                "{limit} bytes are allowed, which hold no block of pages ({needed_bytes} bytes hold all with extinction)"
+            );
+            let hint = "--device-memory sets the limit; --downsample and --crop reduce the volume";
+            Error::input(WHAT, source, why).hint(hint)
+        }
+        None => {
+            let why =
+                format!("the device has no room for {needed_bytes} bytes of it, nor for blocks of them");
+            Error::runtime(WHAT, source, why).hint(DOWNSAMPLE_HINT)
+        }
     }
 }
 

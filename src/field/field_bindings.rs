@@ -10,6 +10,8 @@ pub(super) struct FieldBindings {
     pub volume: wgpu::TextureView,
     /// Place of each page of the volume in its texture; `None` for a volume that is one texture.
     pub page_table: Option<wgpu::TextureView>,
+    /// Pages for which rays wait; `None` if all needed pages are resident.
+    pub waiting_pages: Option<wgpu::Buffer>,
     /// Whether texels of the volume are whole numbers.
     pub has_words: bool,
     pub sampler: wgpu::Sampler,
@@ -60,6 +62,10 @@ impl FieldBindings {
             (self.page_table.is_some(), {
                 let table = self.page_table.as_ref().unwrap_or(&self.distances);
                 Slot::texture(table, wgpu::TextureSampleType::Uint, solid)
+            }),
+            (self.waiting_pages.is_some(), {
+                let waiting = self.waiting_pages.as_ref().unwrap_or(&self.field);
+                Slot::read_write(waiting.as_entire_binding())
             }),
         ];
         let count = further.iter().rposition(|(is_needed, _)| *is_needed).map_or(0, |last| last + 1);

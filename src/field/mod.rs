@@ -3,6 +3,7 @@
 //! group 1).
 
 mod active_bricks;
+mod blocks;
 mod brick_distances;
 mod brick_runs;
 mod build_recorder;
@@ -21,6 +22,7 @@ mod merged_function;
 mod node_pools;
 mod optimizations;
 mod page_pool;
+mod page_stream;
 mod pages;
 mod shader;
 mod shared_buffers;
@@ -45,9 +47,13 @@ pub use loaded::{LoadedVolume, grid_from_world};
 pub use march::{GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH};
 pub use node_pools::{NodePool, NodePoolSizes, NodePools};
 pub use optimizations::{DisabledOptimizations, Optimization};
+pub use page_stream::{PageReach, PageStream, PassRays, RESIDENT_VOXELS, StreamUsage};
 pub use pages::holds_volume;
-pub use shader::{DEPTH_SINK, field_shader, line_of_workgroups, marches_cells, marches_samples, shape_of};
+pub use shader::{
+    DEPTH_SINK, RAY_STATE_BINDING, RAY_STATES, field_shader, line_of_workgroups, marches_cells,
+    marches_samples, shape_of,
+};
 pub use shared_buffers::SharedBuffers;
-pub use tile_march::TileMarch;
+pub use tile_march::{TileMarch, ray_states};
 pub use tile_pace::TilePace;
 pub use view::View;

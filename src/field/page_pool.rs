@@ -8,7 +8,8 @@ use crate::volume::{Element, Labels, Volume, VoxelBlock};
 use crate::with_voxels;
 use itertools::Itertools as _;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use wgpu::TextureFormat;
 
@@ -27,7 +28,8 @@ pub(super) enum Page {
     Constant { value_bits: u64, rank: u8 },
 }
 
-/// Pool of pages of a volume on the device. Pages are added and never replaced, so that all page tables stay valid.
+/// Pool of pages of a volume on the device. [`Self::store`] never replaces a page, so that all page tables stay valid.
+/// [`Self::replace`] serves volumes that exceed the pool.
 pub(super) struct PagePool {
     grid: PageGrid,
     slots: SlotGrid,
@@ -36,6 +38,8 @@ pub(super) struct PagePool {
     labels: Option<wgpu::Texture>,
     /// Slot of each stored page.
     stored: Mutex<HashMap<Page, usize>>,
+    /// Whether blocks of pages replace each other in the pool.
+    is_streamed: AtomicBool,
 }
 
 impl PagePool {
@@ -57,7 +61,26 @@ impl PagePool {
             values: texture("pages", packing.format),
             labels: volume.labels().map(|_| texture("pages of labels", TextureFormat::R8Uint)),
             stored: Mutex::default(),
+            is_streamed: AtomicBool::new(false),
         })
+    }
+
+    /// Creates a pool with as many slots as possible, and at most `most`; `None` if there is none.
+    pub fn within(gpu: &Gpu, volume: &Volume, packing: TexelPacking, most: usize) -> Option<Self> {
+        let limit = gpu.device.limits().max_texture_dimension_3d as usize;
+        let most = most.min((limit / PAGE_VOXELS).pow(3));
+        let fits = |slots: &usize| SlotGrid::of(*slots, limit).is_some_and(|grid| grid.len() <= most);
+        Self::new(gpu, volume, packing, (1..=most).rev().find(fits)?)
+    }
+
+    /// Whether blocks of pages replace each other in the pool, so that no page stays.
+    pub fn is_streamed(&self) -> bool {
+        self.is_streamed.load(Ordering::Relaxed)
+    }
+
+    /// Lets blocks of pages replace each other in the pool.
+    pub fn set_streamed(&self) {
+        self.is_streamed.store(true, Ordering::Relaxed);
     }
 
     /// Views of the textures of values and labels.
@@ -84,13 +107,41 @@ impl PagePool {
     /// Voxels that are read in parts cannot be read.
     pub fn store(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<Option<Vec<usize>>> {
         let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
-        let missing = pages.iter().filter(|page| !stored.contains_key(page));
-        let missing: Vec<Page> = missing.copied().unique().collect();
+        let missing = missing_of(&stored, pages);
         if stored.len() + missing.len() > self.slots.len() {
             return Ok(None);
         }
-        let first = stored.len();
-        let new: Vec<(Page, usize)> = missing.into_iter().zip(first..).collect();
+        let new: Vec<(Page, usize)> = missing.into_iter().zip(stored.len()..).collect();
+        self.upload(gpu, volume, &new)?;
+        stored.extend(new);
+        Ok(Some(pages.iter().filter_map(|page| stored.get(page).copied()).collect()))
+    }
+
+    /// Stores the pages that are missing in place of others, and returns the number of pages that were uploaded. The pool
+    /// must have a slot for each page.
+    ///
+    /// # Errors
+    /// Voxels that are read in parts cannot be read.
+    pub fn replace(&self, gpu: &Gpu, volume: &Volume, pages: &[Page]) -> Result<usize> {
+        let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
+        let missing = missing_of(&stored, pages);
+        let wanted: HashSet<Page> = pages.iter().copied().collect();
+        let in_use: HashSet<usize> = stored.values().copied().collect();
+        let unused = (0..self.slots.len()).filter(|slot| !in_use.contains(slot));
+        let replaced = stored.iter().filter(|(page, _)| !wanted.contains(page)).map(|(_, slot)| *slot);
+        // Unused slots first: pages that stay may serve another block.
+        let slots: Vec<usize> = unused.chain(replaced.sorted_unstable()).take(missing.len()).collect();
+        let freed: HashSet<usize> = slots.iter().copied().collect();
+        stored.retain(|_, slot| !freed.contains(slot));
+        let new: Vec<(Page, usize)> = missing.into_iter().zip(slots).collect();
+        self.upload(gpu, volume, &new)?;
+        let count = new.len();
+        stored.extend(new);
+        Ok(count)
+    }
+
+    /// Uploads pages to their slots.
+    fn upload(&self, gpu: &Gpu, volume: &Volume, new: &[(Page, usize)]) -> Result<()> {
         for some in new.chunks(PAGES_AT_ONCE) {
             let rows = some.par_chunk_by(|(a, _), (b, _)| self.row_of(*a) == self.row_of(*b));
             let packed: Vec<_> = rows.map(|row| self.packed_row(volume, row)).collect::<Result<_>>()?;
@@ -102,8 +153,13 @@ impl PagePool {
             }
             gpu.submit([]);
         }
-        stored.extend(new);
-        Ok(Some(pages.iter().filter_map(|page| stored.get(page).copied()).collect()))
+        Ok(())
+    }
+
+    /// Returns the entry of the page table for the slot of each page; `None` for pages that are not stored.
+    pub fn entries<'a>(&self, pages: impl Iterator<Item = &'a Page>) -> Vec<Option<u32>> {
+        let stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
+        pages.map(|page| stored.get(page).map(|slot| self.slots.entry(*slot))).collect()
     }
 
     /// Returns the row along x that a page lies in; `None` for one of a constant value.
@@ -162,9 +218,23 @@ impl PagePool {
     /// Creates the page table from the slot of every page.
     pub fn table(&self, gpu: &Gpu, slots: &[usize]) -> wgpu::TextureView {
         let entries: Vec<u32> = slots.iter().map(|slot| self.slots.entry(*slot)).collect();
-        let sides = self.grid.counts.map(|n| n as u32);
-        let table = solid_texture(gpu, "page table", TextureFormat::R32Uint, sides);
-        write_texels(gpu, &table, [0; 3], sides, &entries);
+        let table = self.empty_table(gpu);
+        self.write_table(gpu, &table, &entries);
         table.create_view(&Default::default())
     }
+
+    /// Creates a page table without entries.
+    pub fn empty_table(&self, gpu: &Gpu) -> wgpu::Texture {
+        solid_texture(gpu, "page table", TextureFormat::R32Uint, self.grid.counts.map(|n| n as u32))
+    }
+
+    /// Writes the entries of all pages to a page table.
+    pub fn write_table(&self, gpu: &Gpu, table: &wgpu::Texture, entries: &[u32]) {
+        write_texels(gpu, table, [0; 3], self.grid.counts.map(|n| n as u32), entries);
+    }
+}
+
+/// Returns the pages that are not stored, each once.
+fn missing_of(stored: &HashMap<Page, usize>, pages: &[Page]) -> Vec<Page> {
+    pages.iter().filter(|page| !stored.contains_key(page)).copied().unique().collect()
 }

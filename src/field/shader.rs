@@ -5,6 +5,7 @@ use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::gradient_uniform::{GRADIENT_BINDING, GRADIENT_VECTORS};
 use super::light_space::Projection;
 use super::march::{GAUSS, MOST_PIECES, March, PARTS_OF_SUM, ROOT_TOLERANCE, SHORT_PIECE, UNEVEN_DEPTH};
+use super::page_stream::{MISSING, NEAR_MISSING, WAITING_BINDING};
 use super::pages::{PAGE_CELLS, PAGE_VOXELS};
 use crate::gpu::{Constant, MAX_BLOCKS, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{
@@ -18,6 +19,14 @@ const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
 const MARCH_STRANDS: &str = "field/march_strands.wgsl";
 /// Binding number, in bind group 2, of the buffer with the strand segments that the light rays of a shadow map cross.
 pub(super) const LINES_BINDING: u32 = 15;
+/// Binding number, in bind group 2, of the states of rays that wait for pages of the volume.
+pub const RAY_STATE_BINDING: u32 = 14;
+/// Shader definition (`#ifdef`) of passes whose rays wait for pages of the volume, and resume.
+pub const RAY_STATES: &str = "RAY_STATES";
+/// Number of words in the state of a ray that marches cell by cell, without those of its sink.
+const MARCH_WORDS: u32 = 6;
+/// Constant with the number of words in the state of a ray.
+const RAY_STATE_WORDS: &str = "RAY_STATE_WORDS";
 /// WGSL module for marching along a ray by regular samples.
 const RAY_MARCH: &str = "field/ray_march.wgsl";
 
@@ -43,6 +52,10 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::unsigned("PAGE_SHIFT", PAGE_CELLS.ilog2()),
     Constant::signed("PAGE_VOXELS", PAGE_VOXELS as i32),
+    Constant::unsigned("MISSING", MISSING),
+    Constant::unsigned("NEAR_MISSING", NEAR_MISSING),
+    Constant::unsigned("WAITING_BINDING", WAITING_BINDING),
+    Constant::unsigned("RAY_STATE_BINDING", RAY_STATE_BINDING),
     Constant::float("FAR", FAR),
     Constant::float("HIDDEN_SHIFT", HIDDEN_SHIFT),
     Constant::unsigned("LABEL_VECTORS", MAX_LABELS as u32 / 4),
@@ -75,6 +88,8 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
         "field/work.wgsl",
         "field/tuning.wgsl",
         "field/field.wgsl",
+        "field/ray_state.wgsl",
+        "field/cubic.wgsl",
         "field/labels.wgsl",
         "field/transfer.wgsl",
         "field/gradient_opacity.wgsl",
@@ -119,6 +134,18 @@ impl ShaderVariant {
     pub fn with_ray_march(self, skip_bricks: bool) -> Self {
         let known = self.modules.contains(&RAY_MARCH);
         self.modules(if known { &[] } else { &[RAY_MARCH] }).defs(skip_bricks.then_some(SKIP_BRICKS))
+    }
+
+    /// Lets the light rays of a march by cells wait for pages of the volume. The state of the sink has `sink_words`
+    /// words, which its functions `save_sink` and `load_sink` write and read.
+    #[must_use]
+    pub fn with_ray_states(self, sink_words: u32) -> Self {
+        self.constants(&[Constant::unsigned(RAY_STATE_WORDS, MARCH_WORDS + sink_words)])
+    }
+
+    /// Returns the number of words in the state of a ray that waits for pages; `None` if rays of this shader cannot wait.
+    pub fn ray_state_words(&self) -> Option<u32> {
+        self.constants.iter().find_map(|constant| constant.unsigned_value(RAY_STATE_WORDS))
     }
 
     /// Adds the WGSL modules that march light rays cell by cell and add up their optical depth.

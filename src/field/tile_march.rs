@@ -2,11 +2,13 @@
 //! their texels.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
-use super::shader::{LINES_BINDING, shape_of};
+use super::page_stream::{PageReach, PassRays};
+use super::shader::{LINES_BINDING, RAY_STATE_BINDING, RAY_STATES, shape_of};
 use super::strand_lines::line_words;
 use super::{BuildContext, LightSpace, MapShape, March, Optimization, TileList, TileSet};
 use crate::error::{Error, Result};
-use crate::gpu::{Group, Read, ShaderVariant, Slot, Span, StorageBuffer, WorkOrder, table_texture};
+use crate::gpu::{Gpu, Group, Read, ShaderVariant, Slot, Span, StorageBuffer, WorkOrder, table_texture};
+use crate::scene::Light;
 
 /// Shadow map during its build by compute passes over tiles (squares of texels). Tiles without bricks with extinction
 /// are skipped (Hadwiger et al. 2006, 3.4).
@@ -114,7 +116,7 @@ impl<'a> TileMarch<'a> {
     ) -> Result<(Span, Option<Vec<u32>>)> {
         let stage = [stage, &self.march_slots()].concat();
         let list = TileList { entries: &self.list, count: self.built, workgroups: self.workgroups_a_tile() };
-        self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
+        self.run_list(list, label, variant, &self.group(label, own), &stage, read)
     }
 
     /// Runs a compute pass again over some of the built tiles of the shadow map. `places` are their positions in the
@@ -136,7 +138,46 @@ impl<'a> TileMarch<'a> {
         let stage = [stage, &self.march_slots()].concat();
         let count = tiles.len() as u32;
         let list = TileList { entries: &list, count, workgroups: self.workgroups_a_tile() };
-        self.context.run_over(list, label, variant, &self.group(label, own), &stage, read)
+        self.run_list(list, label, variant, &self.group(label, own), &stage, read)
+    }
+
+    /// Runs a compute pass over a list of tiles: once, or until no light ray waits for a page of the volume.
+    fn run_list(
+        &self,
+        list: TileList<'_>,
+        label: &'static str,
+        variant: &ShaderVariant,
+        group: &Group,
+        stage: &[(u32, Slot<'_>)],
+        read: Option<Read<'_>>,
+    ) -> Result<(Span, Option<Vec<u32>>)> {
+        let context = &self.context;
+        let Some(stream) = context.transfer.stream() else {
+            return context.run_over(list, label, variant, group, stage, read);
+        };
+        let words = variant.ray_state_words().ok_or_else(|| context.not_by_blocks())?;
+        let states = ray_states(context.gpu(), self.records(), words)?;
+        let stage = [stage, &[(RAY_STATE_BINDING, Slot::read_write(states.as_entire_binding()))]].concat();
+        let variant = variant.clone().defs([RAY_STATES]);
+        // Labels and gradients of a cell are read across the faces of its page.
+        let reads_neighbours = context.transfer.has_labels || context.transfer.has_gradient_opacity;
+        let reach = if reads_neighbours { PageReach::Neighbours } else { PageReach::Own };
+        let mut ran: Option<(Span, Option<Vec<u32>>)> = None;
+        stream.sweep(context.gpu(), context.volume, (self.light_rays(), reach), || {
+            let (span, read) = context.at_once().run_over(list, label, &variant, group, &stage, read)?;
+            ran = Some((ran.take().map_or(span, |(before, _)| before.plus(span)), read));
+            Ok(())
+        })?;
+        ran.ok_or_else(|| context.not_by_blocks())
+    }
+
+    /// Returns the light rays of the map in voxel index coordinates.
+    fn light_rays(&self) -> PassRays {
+        let index_from_world = self.context.volume.index_from_world();
+        match self.context.light {
+            Light::Directional { toward } => PassRays::Along(-(index_from_world.matrix3 * toward)),
+            Light::Point { position } => PassRays::From(index_from_world.transform_point3(position)),
+        }
     }
 
     /// Returns bind group 2 and the dispatch size of a pass over all tiles that are built, for a submission with other
@@ -150,6 +191,17 @@ impl<'a> TileMarch<'a> {
     fn workgroups_a_tile(&self) -> u32 {
         TILE_TEXELS / self.context.gpu().tuning.workgroup_side.pow(2)
     }
+}
+
+/// Creates the buffer with the states of rays that have not started: `field/ray_state.wgsl`.
+///
+/// # Errors
+/// The adapter cannot bind a buffer of this size.
+pub fn ray_states(gpu: &Gpu, rays: u32, words: u32) -> Result<wgpu::Buffer> {
+    let bytes = 4 * (1 + u64::from(rays) * u64::from(1 + words));
+    let states = StorageBuffer::zeroed(gpu, "states of rays", bytes)?;
+    gpu.queue.write_buffer(&states, 0, &rays.to_le_bytes());
+    Ok(states)
 }
 
 /// Returns the tile table of a shadow map (storage index of each tile's first texel, or [`NO_TILE`]), and the list of

@@ -41,6 +41,14 @@ impl Constant {
         Self { name, value: Literal::Float(value.to_bits()) }
     }
 
+    /// Returns the value of a shader constant of type `u32` with this name; `None` for other constants.
+    pub fn unsigned_value(&self, name: &str) -> Option<u32> {
+        match self.value {
+            Literal::Unsigned(value) if self.name == name => Some(value),
+            _ => None,
+        }
+    }
+
     fn text(self) -> String {
         match self.value {
             Literal::Unsigned(value) => format!("{value}u"),

@@ -2,6 +2,7 @@
 //! transmittance, and the renderer that keeps data between pictures.
 
 mod brick_projection;
+mod caster;
 mod device_tiles;
 mod display;
 mod eye_tiles;

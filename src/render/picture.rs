@@ -1,8 +1,9 @@
 //! Renders pictures by ray casting, band of rows by band of rows, into host memory. [`super::display`] draws pictures
 //! into the textures of a window.
 
-use super::frame_uniform::{FrameUniform, frame_uniform};
-use super::lights::{LightMaps, LightPass};
+use super::caster::Caster;
+use super::frame_uniform::FrameUniform;
+use super::lights::LightMaps;
 use super::output::{Band, Output, OutputPass, ToHost};
 use super::pace::{AtOnce, Pace, Pacing};
 use super::pass::{Pass, each_section, section_groups, section_passes};
@@ -10,14 +11,10 @@ use super::plan::PictureTiles;
 use super::shader::{PICTURE_SIDE, background_shader};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{DeferredPasses, DeviceDirections, DeviceTransfer, FAR, LoadedVolume, shape_of};
-use crate::gpu::tuning::BLOCK_SIDE;
-use crate::gpu::{DevicePass, Gpu, Group, Read, Slot, Span, StorageBuffer, uniform_buffer};
-use crate::scene::{LightSource, Scene};
-use crate::shadow::{SECTION_BINDING, Section, ShadowMap};
+use crate::field::{DeferredPasses, DeviceTransfer, FAR, LoadedVolume, PageReach, PassRays, shape_of};
+use crate::gpu::{DevicePass, Group, Read, Span, StorageBuffer, uniform_buffer};
+use crate::scene::Scene;
 use ndarray::Array3;
-use std::cell::Cell;
-use std::time::Instant;
 
 /// Rendered picture in host memory, with the time to draw it and the plan of needed and skipped work.
 pub struct Picture {
@@ -109,11 +106,12 @@ impl Renderer {
         let deferred = shadows.deferred.unwrap_or(&none);
         let (mut plan, caster, host_ms) = self.caster((loaded, transfer), maps, scene, deferred)?;
         let (width, height) = (scene.width, scene.height);
-        // The adapter has to bind the buffer of a band.
+        // The adapter has to bind the buffers of a band.
         let row_bytes = u64::from(width) * 16;
+        let largest_row_bytes = u64::from(width) * caster.pixel_bytes();
         let limits = self.gpu().device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX);
+        let highest = u32::try_from(most / largest_row_bytes).unwrap_or(u32::MAX);
         let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
         // The time of a picture includes the search for its tiles on the host.
         let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| host_ms), wall_ms: host_ms };
@@ -122,8 +120,7 @@ impl Renderer {
         while first_row < height {
             let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
             // Each part of a picture would need a sweep of its own.
-            let pixels =
-                if caster.passes.iter().any(|pass| pass.sections.is_some()) { u32::MAX } else { pixels };
+            let pixels = if caster.needs_sweeps() { u32::MAX } else { pixels };
             let rows = pixels_to_rows(pixels, width).min(highest).min(height - first_row);
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
@@ -148,77 +145,6 @@ impl Renderer {
         }
         caster.counts.get().into_iter().for_each(|counts| plan.skip_tiles(counts));
         Ok(Some((plan, span, host_ms)))
-    }
-
-    /// Plans a picture with the given shadow maps. Returns the plan, the inputs of its passes, and the time of the plan
-    /// in ms.
-    pub(super) fn caster<'a>(
-        &self,
-        (loaded, transfer): (&'a LoadedVolume, &'a DeviceTransfer),
-        maps: &[&'a ShadowMap],
-        scene: &'a Scene,
-        deferred: &'a DeferredPasses,
-    ) -> Result<(Plan, Caster<'a>, f64)> {
-        let start = Instant::now();
-        let occlusion = scene.occlusion().map(|occlusion| self.occlusion((loaded, transfer), occlusion));
-        let occlusion = occlusion.transpose()?.unwrap_or_default();
-        let occlusion_ms = start.elapsed().as_secs_f64() * 1e3;
-        let occluded = occlusion.iter().map(|(map, _)| map);
-        let lookups = maps.iter().copied().chain(occluded).filter_map(|map| map.lookup.as_ref());
-        for lookup in lookups {
-            // The plan needs to know the pre-compressed table.
-            transfer.prepared(self.gpu(), lookup.within(""))?;
-        }
-        let start = Instant::now();
-        let (plan, tiles) = Plan::of(scene, loaded, transfer, maps, &self.kernels)?;
-        let device_tiles = matches!(tiles, PictureTiles::OnDevice(_));
-        let host_ms = occlusion_ms + start.elapsed().as_secs_f64() * 1e3;
-        let mut passes = Vec::new();
-        let samples: Vec<usize> = maps.iter().map(|map| map.samples()).collect();
-        for LightPass { map, radiance } in LightPass::all(scene, &samples, plan.depends_on_light()) {
-            let shadow = maps[map];
-            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some(), device_tiles);
-            let shader = transfer.prepared(self.gpu(), shader)?;
-            let group = shadow.group.clone();
-            let (resumable, sections) = (plan.resumable(shadow), plan.sections(shadow, scene)?);
-            passes.push(Pass { group, radiance, is_ambient: false, shader, resumable, sections });
-        }
-        for (map, share) in occlusion {
-            let shader =
-                transfer.prepared(self.gpu(), plan.occlusion_shader(transfer, &map, device_tiles))?;
-            let radiance = Some([scene.ambient * share; 3]);
-            let group = map.group;
-            passes.push(Pass { group, radiance, is_ambient: true, shader, resumable: true, sections: None });
-        }
-        let mesh =
-            scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
-        let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
-        let counts = Cell::new(None);
-        let caster = Caster { loaded, transfer, scene, deferred, tiles, counts, passes, mesh, directions };
-        Ok((plan, caster, host_ms))
-    }
-
-    /// Creates bind group 2 of the passes that cast eye rays: frame uniform, band of the picture, progress of its rays,
-    /// tiles, directions of strands, and the section of the volume that a pass draws.
-    pub(super) fn stage(
-        &self,
-        caster: &Caster<'_>,
-        frame: &wgpu::Buffer,
-        others: [&wgpu::Buffer; 3],
-        section: Option<&Section>,
-    ) -> Group {
-        let [picture, progress, tiles] = others.map(wgpu::Buffer::as_entire_binding);
-        let stage = [
-            (0, self.kernels.uniform(frame)),
-            (1, Slot::read_write(picture)),
-            (2, Slot::read_write(progress)),
-            (3, Slot::read(tiles)),
-        ];
-        let strands = caster.directions.map(DeviceDirections::slots).into_iter().flatten();
-        let section =
-            section.map(|section| (SECTION_BINDING, Slot::read(section.planes.as_entire_binding())));
-        let slots = stage.into_iter().chain((4..).zip(strands)).chain(section);
-        self.kernels.group("frame", &slots.collect::<Vec<_>>())
     }
 
     /// Casts the eye rays of one band of picture rows, in submissions of a few columns; the first one draws about
@@ -261,8 +187,9 @@ impl Renderer {
                 };
                 let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
                 let buffers = [buffer, &progress, &tiles.buffer];
+                let states = caster.ray_states(self.gpu(), rows * width)?;
                 let stages: Vec<_> = each_section(pass.sections)
-                    .map(|section| self.stage(caster, &uniform, buffers, section))
+                    .map(|section| self.stage(caster, &uniform, buffers, (section, states.as_ref())))
                     .collect();
                 // The first pass draws the background.
                 let left_out = if i == 0 { tiles.left_out } else { 0 };
@@ -317,7 +244,7 @@ impl Renderer {
             let recorded = self.kernels.record("ray cast", &passes, reads)?;
             caster.deferred.submit_with(&self.kernels, recorded)
         };
-        loop {
+        let mut submit = || -> Result<(Span, u32)> {
             let unfinished = pass.resumable.then_some(Read { buffer: progress, words: 1 });
             let mut reads = unfinished.as_slice().to_vec();
             let (took, words) = match &caster.tiles {
@@ -336,71 +263,24 @@ impl Renderer {
             let so_far = part.map_or(took, |s| s.plus(took));
             part = Some(so_far);
             let unfinished = if pass.resumable { words[0][0] } else { 0 };
+            Ok((so_far, unfinished))
+        };
+        if let Some(stream) = caster.transfer.stream() {
+            let volume = &caster.loaded.volume;
+            let eye = volume.index_from_world().transform_point3(caster.scene.camera.eye);
+            let rays = (PassRays::From(eye), PageReach::Neighbours);
+            let mut took = Span { gpu_ms: None, wall_ms: 0.0 };
+            stream.sweep(self.gpu(), volume, rays, || submit().map(|(so_far, _)| took = so_far))?;
+            advanced(0);
+            return Ok(took);
+        }
+        loop {
+            let (so_far, unfinished) = submit()?;
             advanced(unfinished);
             if unfinished == 0 {
                 return Ok(so_far);
             }
             self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());
-        }
-    }
-}
-
-/// Inputs for casting the eye rays of a picture, which all of its submissions share.
-pub(super) struct Caster<'a> {
-    loaded: &'a LoadedVolume,
-    transfer: &'a DeviceTransfer,
-    scene: &'a Scene,
-    /// Build passes of shadow maps, which the first submission of the picture runs too.
-    deferred: &'a DeferredPasses,
-    pub tiles: PictureTiles,
-    /// Number of all tiles of the picture and of empty ones, once the device has found them.
-    counts: Cell<Option<[usize; 2]>>,
-    pub passes: Vec<Pass<'a>>,
-    /// Bind group 3 with the triangles of the scene's mesh, if there is one.
-    pub mesh: Option<Group>,
-    /// Directions of the strands (hair or fibres) on the device, if the shading reads them.
-    directions: Option<&'a DeviceDirections>,
-}
-
-/// Tiles of the part of a picture that one submission draws.
-struct PartTiles {
-    /// List of tiles, or depth ranges of all tiles of the picture.
-    buffer: wgpu::Buffer,
-    /// Number of workgroups that cast eye rays, and of those that fill tiles with the background.
-    cast: u32,
-    left_out: u32,
-}
-
-impl Caster<'_> {
-    /// Returns the tiles of a part of the picture, which begins at a pixel and has a size in pixels.
-    fn part(&self, gpu: &Gpu, first: [u32; 2], size: [u32; 2]) -> Result<PartTiles> {
-        match &self.tiles {
-            PictureTiles::Listed(tiles) => {
-                let (list, cast) = tiles.part(first, size, gpu.tuning.order);
-                let left_out = list.len() as u32 - cast;
-                let buffer = StorageBuffer::from_slice(gpu, "tiles of the picture", &list)?;
-                Ok(PartTiles { buffer, cast, left_out })
-            }
-            PictureTiles::OnDevice(tiles) => {
-                let [across, down] = size.map(|n| n.div_ceil(PICTURE_SIDE).div_ceil(BLOCK_SIDE));
-                let cast = across * down * BLOCK_SIDE.pow(2);
-                Ok(PartTiles { buffer: tiles.depths().clone(), cast, left_out: cast })
-            }
-        }
-    }
-
-    /// Returns the uniform of one rendering pass over a picture. The first pass draws the ambient light and the
-    /// background; later passes add their light to it.
-    pub fn frame_uniform(&self, pass: usize) -> FrameUniform {
-        let frame = frame_uniform(&self.loaded.volume, self.scene);
-        let radiance = self.passes[pass].radiance.unwrap_or(LightSource::WHITE);
-        let lit = if self.passes[pass].is_ambient { 1.0 } else { 1.0 - self.scene.ambient };
-        // Passes of their own add occluded ambient light.
-        let ambient = if self.scene.occlusion().is_some() { 0.0 } else { frame.ambient };
-        let frame = FrameUniform { light: radiance.map(|c| (lit * c) as f32), ambient, ..frame };
-        match pass {
-            0 => frame,
-            _ => FrameUniform { ambient: 0.0, background: [0.0; 3], adds: 1, ..frame },
         }
     }
 }

@@ -378,7 +378,7 @@ fn raycast_shader(
         .defs(shading_defs(shading).iter().copied())
         .with_ray_march(skip_bricks)
         .modules(in_sections.as_slice())
-        .modules(&["render/between_samples.wgsl", "render/segment_mean.wgsl"])
+        .modules(&["render/eye_state.wgsl", "render/between_samples.wgsl", "render/segment_mean.wgsl"])
         .defs(["SURFACES"])
         .defs(one_color.then_some("ONE_COLOR"))
         .defs(light_factor.then_some("LIGHT_FACTOR"))

@@ -107,7 +107,7 @@ impl Renderer {
             background: background_shader(true),
             passes: passes.collect(),
             field: transfer.group().clone(),
-            stage: self.stage(&caster, &frame, [&other; 3], None),
+            stage: self.stage(&caster, &frame, [&other; 3], (None, None)),
             mesh: caster.mesh.clone(),
         })
     }

@@ -4,10 +4,15 @@ use super::Renderer;
 use super::pass::{each_section, section_groups, section_passes};
 use super::shader::CONSTANTS;
 use crate::error::Result;
-use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups, marches_samples};
+use crate::field::{
+    DeviceTransfer, LoadedVolume, PageReach, PassRays, grid_from_world, line_of_workgroups, marches_samples,
+};
 use crate::gpu::{Group, Read, ShaderVariant, Slot, StorageBuffer};
 use crate::shadow::{Lookup, SECTION_BINDING, Section, ShadowMap};
 use glam::DVec3;
+
+/// Order of blocks for points in no order.
+const ANY_ORDER: (PassRays, PageReach) = (PassRays::Along(DVec3::Z), PageReach::Neighbours);
 
 pub(super) fn shader(lookup: &Lookup) -> ShaderVariant {
     let shader = lookup.within("render/query.wgsl").constants(CONSTANTS);
@@ -41,7 +46,8 @@ impl Renderer {
                 .map(|p| grid_from_world.transform_point3(*p).as_vec3().extend(0.0).to_array())
                 .collect::<Vec<_>>();
             let points = StorageBuffer::from_slice(gpu, "query points", &grid)?;
-            let values = StorageBuffer::zeroed(gpu, "query results", chunk.len() as u64 * 4)?;
+            // Negative results are not known yet.
+            let values = StorageBuffer::from_slice(gpu, "query results", &vec![-1.0_f32; chunk.len()])?;
             let results_of_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: &values,
                 offset: 0,
@@ -63,7 +69,15 @@ impl Renderer {
             let stages: Vec<Group> = each_section(sections).map(stage).collect();
             let groups = section_groups(sections, [transfer.group(), &shadow.group], &stages, None);
             let passes = section_passes(&groups, &shader, workgroups);
-            let (_, words) = self.kernels.run("query", &passes, &[read])?;
+            let mut words = Vec::new();
+            let mut run = || -> Result<()> {
+                words = self.kernels.run("query", &passes, &[read])?.1;
+                Ok(())
+            };
+            match transfer.stream() {
+                Some(stream) => stream.sweep(gpu, &loaded.volume, ANY_ORDER, run)?,
+                None => run()?,
+            }
             results.extend(words.into_iter().flatten().map(f32::from_bits));
         }
         Ok(results)

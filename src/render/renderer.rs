@@ -222,7 +222,8 @@ impl Renderer {
             light: source.light,
             extent: &source.extent,
             view,
-            deferred,
+            // Rays that wait for pages need several submissions.
+            deferred: deferred.filter(|_| transfer.stream().is_none()),
             recorder,
         }
     }
@@ -238,7 +239,11 @@ impl Renderer {
         let start = Instant::now();
         let transfer = field.1;
         let made_before = transfer.march_table().is_some();
-        let mut map = method.build(&self.build_context(field, source, view, passes))?;
+        let context = self.build_context(field, source, view, passes);
+        if transfer.stream().is_some() && method.lookup().is_some_and(|lookup| lookup.marches()) {
+            return Err(context.not_by_blocks());
+        }
+        let mut map = method.build(&context)?;
         map.report.more_samples = source.sample_count() - 1;
         // Bounds are derived for extinction that depends on the value alone.
         map.bound = map.bound.filter(|_| !transfer.has_gradient_opacity);

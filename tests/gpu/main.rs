@@ -3,6 +3,7 @@
 //! Most tests share one device.
 
 mod attack;
+mod blocks;
 mod bound;
 #[path = "../common/browser.rs"]
 mod browser;

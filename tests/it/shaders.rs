@@ -81,6 +81,7 @@ fn variants() -> Vec<(ShaderVariant, Tuning)> {
                 let variant = variant.clone().defs([more.to_vec(), defs].concat());
                 let paged = variant.clone().defs(["PAGED", "MANUAL_TRILINEAR"]);
                 list.push((paged.clone(), Tuning::SOFTWARE));
+                list.extend(streamed(&paged).map(|variant| (variant, Tuning::SOFTWARE)));
                 // Whole numbers change the type of the volume texture.
                 list.push((paged.defs(["WHOLE_TEXELS"]), Tuning::SOFTWARE));
                 list.extend(TUNINGS.map(|tuning| (variant.clone(), tuning)));
@@ -88,6 +89,17 @@ fn variants() -> Vec<(ShaderVariant, Tuning)> {
         }
     }
     list
+}
+
+/// Variant for volumes whose pages become resident block by block; `None` if the shader needs the whole volume.
+fn streamed(paged: &ShaderVariant) -> Option<ShaderVariant> {
+    let needs_all = |def: &&str| ["RESUMABLE", "SECTIONS", "MESH"].contains(def);
+    let waits = match paged.entry {
+        "render/query.wgsl" => return Some(paged.clone().defs(["STREAMED"])),
+        "render/raycast.wgsl" => !paged.defs.iter().any(|def| needs_all(def)),
+        _ => paged.ray_state_words().is_some(),
+    };
+    waits.then(|| paged.clone().defs(["STREAMED", "RAY_STATES"]))
 }
 
 /// Text of a file below `shaders/`.
@@ -242,6 +254,7 @@ fn combined_requests_are_composed_together() {
         assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], tuning));
     }
     assert!(has(&["PAGED", "WHOLE_TEXELS", "MANY_BREAKPOINTS", "SPLIT_ROWS"], Tuning::SOFTWARE));
+    assert!(has(&["RAY_STATES", "LABELS", "OPTICAL_DEPTH"], Tuning::SOFTWARE));
 }
 
 #[test]

@@ -3,6 +3,9 @@
 
 #import umbravox::light::light
 #import umbravox::vectors::vector_map
+#ifdef RAY_STATES
+#import umbravox::ray_state::{put_float, take_float}
+#endif
 
 const FAR: f32 = #{FAR};
 // Largest stored extinction: the largest float of 16 bits.
@@ -54,3 +57,19 @@ fn stored_vector(v: u32) -> vec4<f32> {
     let extinction = total_depth * light.depth_range_mm / max(length_mm, 1e-30);
     return vec4<f32>(front, min(extinction, LARGEST_EXTINCTION), total_depth, 0.0);
 }
+
+#ifdef RAY_STATES
+// Stores the state of a ray that waits.
+fn save_sink(sink: ptr<function, Sink>) {
+    put_float(total_depth);
+    put_float(front_mm);
+    put_float(length_mm);
+}
+
+// Restores the state of a ray that has waited.
+fn load_sink(sink: ptr<function, Sink>) {
+    total_depth = take_float();
+    front_mm = take_float();
+    length_mm = take_float();
+}
+#endif

@@ -24,6 +24,11 @@
 
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
+#ifdef RAY_STATES
+#import umbravox::ray_state::{select_ray, has_state, go_to_word, MARCH_WORDS}
+#import umbravox::sink::{save_sink, load_sink}
+#endif
+
 #ifndef MARCHES
 fn extinction_of_point(g: vec3<f32>) -> f32 {
 #ifdef GRADIENT_OPACITY
@@ -123,6 +128,9 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
 #endif
 
 fn build_texel(here: vec2<u32>, record: u32) {
+#ifdef RAY_STATES
+    if !select_ray(record) { return; }
+#endif
     let texel = vec2<f32>(here);
     let z_end = light.depth_start_mm + DEPTH_STEPS / params.depth_steps_per_mm;
     start_writer(record);
@@ -132,7 +140,21 @@ fn build_texel(here: vec2<u32>, record: u32) {
     march_prism(&sink, texel, light.depth_start_mm, z_end);
 #else
     let ray = light_ray(texel);
+#ifdef RAY_STATES
+    if has_state() {
+        go_to_word(MARCH_WORDS);
+        load_sink(&sink);
+        go_to_word(0u);
+    }
+#endif
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
+#ifdef RAY_STATES
+    if has_state() {
+        save_sink(&sink);
+        add_work();
+        return;
+    }
+#endif
 #endif
 #else
     regular_curve(texel, light.depth_start_mm, z_end);

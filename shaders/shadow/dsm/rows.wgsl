@@ -6,6 +6,9 @@
 #import umbravox::dsm_layout::{params, node_word, node_value, DEPTH_STEPS, FILLER}
 #import umbravox::dsm_row_layout::{row_texel, NO_ROW, ROW_NODES}
 #import umbravox::dsm_counters::{counters, blocks, block_of_record, bit_of_record}
+#ifdef RAY_STATES
+#import umbravox::ray_state::{put_word, take_word}
+#endif
 
 @group(2) @binding(1) var node_texture: texture_storage_2d<rgba32uint, write>;
 // For each built tile, in the order of records: number of rows requested beyond its first rows, and of texels that
@@ -156,3 +159,26 @@ fn finish_nodes(value: f32) {
     }
     if rows.used <= ROW_NODES { report_iteration_limit(); }
 }
+
+#ifdef RAY_STATES
+// Stores the place and the words of the present row of a ray that waits.
+fn save_nodes() {
+    put_word(rows.row);
+    put_word(rows.used);
+    put_word(rows.count);
+    put_word(rows.half_row.x);
+    put_word(rows.half_row.y);
+    put_word(rows.half_row.z);
+    put_word(rows.half_row.w);
+}
+
+fn load_nodes() {
+    rows.row = take_word();
+    rows.used = take_word();
+    rows.count = take_word();
+    rows.half_row.x = take_word();
+    rows.half_row.y = take_word();
+    rows.half_row.z = take_word();
+    rows.half_row.w = take_word();
+}
+#endif

@@ -8,6 +8,10 @@
 
 #import umbravox::series_range::{range_start, range_mm, start_range, extend_range, stored_range}
 #import umbravox::vectors::{vector_map, VECTORS}
+#ifdef RAY_STATES
+#import umbravox::series_range::{save_range, load_range}
+#import umbravox::ray_state::{put_float, take_float}
+#endif
 
 const TERMS: u32 = #{TERMS};
 const PI: f32 = 3.14159265358979;
@@ -87,3 +91,30 @@ fn stored_vector(v: u32) -> vec4<f32> {
     return sums[v];
 #endif
 }
+
+#ifdef RAY_STATES
+// Stores the state of a ray that waits.
+fn save_sink(sink: ptr<function, Sink>) {
+    put_float((*sink).optical_depth);
+    save_range();
+    for (var v = 0u; v < VECTORS; v++) {
+        put_float(sums[v].x);
+        put_float(sums[v].y);
+        put_float(sums[v].z);
+        put_float(sums[v].w);
+    }
+}
+
+// Restores the state of a ray that has waited.
+fn load_sink(sink: ptr<function, Sink>) {
+    total_depth = take_float();
+    (*sink).optical_depth = total_depth;
+    load_range();
+    for (var v = 0u; v < VECTORS; v++) {
+        let x = take_float();
+        let y = take_float();
+        let z = take_float();
+        sums[v] = vec4<f32>(x, y, z, take_float());
+    }
+}
+#endif

@@ -6,6 +6,9 @@
 
 #import umbravox::light::light
 #import umbravox::layers::{params, block_texel, plane_at, split_row_bit}
+#ifdef RAY_STATES
+#import umbravox::ray_state::{put_word, put_float, take_word, take_float}
+#endif
 
 // Texels of the record texture hold 1, 2 or 4 words.
 #ifdef WORDS_1
@@ -198,3 +201,41 @@ fn finish(depth: f32) {
         put(depth);
     }
 }
+
+#ifdef RAY_STATES
+// Stores the state of a ray that waits.
+fn save_sink(sink: ptr<function, Sink>) {
+    put_float((*sink).optical_depth);
+    put_float((*sink).longest_depth);
+    put_word(select(0u, 1u, writer.met) | select(0u, 2u, writer.begun));
+    put_float(writer.start);
+    put_float(writer.extent_mm);
+    put_float(writer.end);
+    put_word(writer.plane);
+    put_float(writer.plane_z);
+    put_word(writer.slot);
+    put_word(writer.block.x);
+    put_word(writer.block.y);
+    put_word(writer.block.z);
+    put_word(writer.block.w);
+}
+
+// Restores the state of a ray that has waited.
+fn load_sink(sink: ptr<function, Sink>) {
+    (*sink).optical_depth = take_float();
+    (*sink).longest_depth = take_float();
+    let flags = take_word();
+    writer.met = (flags & 1u) != 0u;
+    writer.begun = (flags & 2u) != 0u;
+    writer.start = take_float();
+    writer.extent_mm = take_float();
+    writer.end = take_float();
+    writer.plane = take_word();
+    writer.plane_z = take_float();
+    writer.slot = take_word();
+    let x = take_word();
+    let y = take_word();
+    let z = take_word();
+    writer.block = vec4<u32>(x, y, z, take_word());
+}
+#endif

@@ -6,6 +6,9 @@
 #import umbravox::light::light
 #import umbravox::vectors::vector_map
 #import umbravox::moments::params
+#ifdef RAY_STATES
+#import umbravox::ray_state::{put_float, take_float}
+#endif
 
 const MOMENTS: u32 = #{MOMENTS};
 const FAR: f32 = #{FAR};
@@ -132,5 +135,25 @@ fn number(i: u32) -> f32 {
 
 fn stored_vector(v: u32) -> vec4<f32> {
     return vec4<f32>(number(4u * v), number(4u * v + 1u), number(4u * v + 2u), number(4u * v + 3u));
+}
+#endif
+
+#ifdef RAY_STATES
+// Stores the state of a ray that waits.
+fn save_sink(sink: ptr<function, Sink>) {
+    put_float((*sink).optical_depth);
+#ifdef LIGHT
+    put_float((*sink).transmittance);
+#endif
+    for (var k = 0u; k <= MOMENTS; k++) { put_float(sums[k]); }
+}
+
+// Restores the state of a ray that has waited.
+fn load_sink(sink: ptr<function, Sink>) {
+    (*sink).optical_depth = take_float();
+#ifdef LIGHT
+    (*sink).transmittance = take_float();
+#endif
+    for (var k = 0u; k <= MOMENTS; k++) { sums[k] = take_float(); }
 }
 #endif

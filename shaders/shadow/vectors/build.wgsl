@@ -8,6 +8,11 @@
 #import umbravox::vectors::{VECTORS, TILE_MARGIN, TILE_SIDE, tile_corner, first_record}
 #import umbravox::march::march
 #import umbravox::sink::{start_sink, finish, met_extinction, stored_vector}
+#ifdef RAY_STATES
+#import umbravox::tile_table::record_of
+#import umbravox::ray_state::{select_ray, has_state, go_to_word, put_word, take_word, MARCH_WORDS}
+#import umbravox::sink::{Sink, save_sink, load_sink}
+#endif
 
 // Number of texels whose ray meets extinction.
 @group(2) @binding(2) var<storage, read_write> texels_hit: atomic<u32>;
@@ -44,6 +49,21 @@ fn store_at(texel: vec2<i32>) {
 #endif
 #endif
 
+#ifdef RAY_STATES
+// Stores the number of a march that waits, behind the state of the march, and the state of its sink.
+fn save_march_sink(number: u32, sink: ptr<function, Sink>) {
+    put_word(number);
+    save_sink(sink);
+    add_work();
+}
+
+fn load_march_sink(sink: ptr<function, Sink>) {
+    go_to_word(MARCH_WORDS + 1u);
+    load_sink(sink);
+    go_to_word(0u);
+}
+#endif
+
 @compute @workgroup_size(#{WORKGROUP_SIDE}, #{WORKGROUP_SIDE})
 fn build(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -54,9 +74,17 @@ fn build(
     if !here.inside { return; }
     let ray = light_ray(vec2<f32>(here.texel));
     let z_end = depth_end_mm();
+    var first_march = 0u;
+#ifdef RAY_STATES
+    if !select_ray(record_of(here.texel)) { return; }
+    if has_state() {
+        go_to_word(MARCH_WORDS);
+        first_march = take_word();
+    }
+#endif
 #ifdef MARCHES
     // A loop, so that the code of the march stands in the program once.
-    for (var number = 0u; number < #{MARCHES}; number++) {
+    for (var number = first_march; number < #{MARCHES}; number++) {
 #ifdef FROM_BEHIND
         // The first march goes towards the light.
         let behind = number == 0u;
@@ -64,13 +92,31 @@ fn build(
         let behind = false;
 #endif
         var sink = start_sink(number);
+#ifdef RAY_STATES
+        if has_state() { load_march_sink(&sink); }
+#endif
         march(&sink, ray.o, select(ray.d, -ray.d, behind), select(light.depth_start_mm, -z_end, behind),
             select(z_end, -light.depth_start_mm, behind));
+#ifdef RAY_STATES
+        if has_state() {
+            save_march_sink(number, &sink);
+            return;
+        }
+#endif
         if !met_extinction() { break; }
     }
 #else
     var sink = start_sink(0u);
+#ifdef RAY_STATES
+    if has_state() { load_march_sink(&sink); }
+#endif
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
+#ifdef RAY_STATES
+    if has_state() {
+        save_march_sink(0u, &sink);
+        return;
+    }
+#endif
 #endif
     finish();
     if met_extinction() {

@@ -3,6 +3,9 @@
 #define_import_path umbravox::series_range
 
 #import umbravox::light::light
+#ifdef RAY_STATES
+#import umbravox::ray_state::{put_word, put_float, take_word, take_float}
+#endif
 
 // Start and length of the range, mm.
 var<private> range_start: f32;
@@ -42,3 +45,24 @@ fn extend_range(z_from: f32, z_end: f32, is_first: bool) -> bool {
 fn stored_range() -> vec2<f32> {
     return vec2<f32>(range_start - light.depth_start_mm, range_mm) / light.depth_range_mm;
 }
+
+#ifdef RAY_STATES
+// Stores the range of a ray that waits: four words.
+fn save_range() {
+    put_float(range_start);
+    put_float(range_mm);
+#ifdef TEXEL_RANGE
+    put_float(range_end);
+    put_word(select(0u, 1u, finding_range));
+#endif
+}
+
+fn load_range() {
+    range_start = take_float();
+    range_mm = take_float();
+#ifdef TEXEL_RANGE
+    range_end = take_float();
+    finding_range = take_word() == 1u;
+#endif
+}
+#endif

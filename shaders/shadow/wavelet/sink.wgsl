@@ -7,6 +7,10 @@
 
 #import umbravox::series_range::{range_start, range_mm, start_range, extend_range, stored_range}
 #import umbravox::vectors::{vector_map, VECTORS}
+#ifdef RAY_STATES
+#import umbravox::series_range::{save_range, load_range}
+#import umbravox::ray_state::{put_word, put_float, take_word, take_float}
+#endif
 
 const RANK: u32 = #{RANK};
 const FAR: f32 = #{FAR};
@@ -92,3 +96,22 @@ fn stored_vector(v: u32) -> vec4<f32> {
 #endif
     return vec4<f32>(coefficient(i), coefficient(i + 1u), last);
 }
+
+#ifdef RAY_STATES
+// Stores the state of a ray that waits.
+fn save_sink(sink: ptr<function, Sink>) {
+    put_float((*sink).optical_depth);
+    save_range();
+    put_word(passed);
+    for (var n = 0u; n < LEAVES; n++) { put_float(nodes[n]); }
+}
+
+// Restores the state of a ray that has waited.
+fn load_sink(sink: ptr<function, Sink>) {
+    total_depth = take_float();
+    (*sink).optical_depth = total_depth;
+    load_range();
+    passed = take_word();
+    for (var n = 0u; n < LEAVES; n++) { nodes[n] = take_float(); }
+}
+#endif

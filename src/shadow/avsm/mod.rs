@@ -89,6 +89,7 @@ impl VectorMap for AdaptiveShadowMap {
             defs: Vec::new(),
             marches: None,
             sink: &["shadow/segments.wgsl", "shadow/avsm/nodes.wgsl", GREEDY, "shadow/avsm/sink.wgsl"],
+            sink_words: None,
             lookup: &["shadow/avsm/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: Some(("shadow/avsm/params.wgsl", bytemuck::cast(params))),

@@ -93,6 +93,7 @@ impl VectorMap for BeerShadowMap {
             defs: (self.mean == BeerMean::Matter).then_some("MEAN_OF_MATTER").into_iter().collect(),
             marches: None,
             sink: &["shadow/beer/sink.wgsl"],
+            sink_words: Some(3),
             lookup: &["shadow/beer/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,

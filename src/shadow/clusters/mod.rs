@@ -78,6 +78,7 @@ impl VectorMap for DensityClusters {
             defs: vec!["FROM_BEHIND"],
             marches: Some(1 + self.iterations),
             sink: &["shadow/clusters/sink.wgsl"],
+            sink_words: None,
             lookup: &["shadow/clusters/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,

@@ -67,6 +67,9 @@ const RAY_END: f64 = 1.0 / 2048.0;
 /// bits.
 const STORAGE: f64 = 1.0 / 32767.0;
 
+/// Number of words in the state of a curve that waits for pages: optical depth, longest piece, compression, and row.
+const SINK_WORDS: u32 = 4 + 1 + 7 + 7;
+
 /// Smallest `least_weight` of a shadow map: bilinear weight of a texel from which on its transmittance counts for the
 /// range of a query with `near`.
 const SMALLEST_LEAST_WEIGHT: f64 = 1.0 / 512.0;
@@ -348,7 +351,10 @@ impl DeepShadowMap {
         let shader = self.curve_shader().defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
             (_, true) => {
-                shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
+                let shader =
+                    shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl");
+                let waits = self.march() == March::Cells && self.compress == Compress::Greedy;
+                if waits { shader.with_ray_states(SINK_WORDS) } else { shader }
             }
             (Precompress::Off, false) => shader,
             (_, false) => shader.defs(["MARCHES"]).with_march(self.march(), DEPTH_SINK),

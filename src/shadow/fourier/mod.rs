@@ -101,6 +101,8 @@ impl VectorMap for FourierOpacityMap {
             defs: defs.into_iter().flatten().collect(),
             marches: texel_range.then_some(2),
             sink: &[RANGE, "shadow/fourier/sink.wgsl"],
+            // Optical depth, range, and all terms.
+            sink_words: Some(1 + 4 + 4 * ((self.terms + u32::from(texel_range)) / 2 + 1)),
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,

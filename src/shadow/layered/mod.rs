@@ -129,6 +129,9 @@ pub(super) struct LayeredParams {
     max_depth: f32,
 }
 
+/// Number of words in the state of a ray that waits for pages of the volume: number of the march, and sink.
+const STATE_WORDS: u32 = 1 + 13;
+
 /// Layered shadow map after its build, without the shader code that queries it.
 pub(super) struct Built<'a> {
     pub tiles: TileMarch<'a>,
@@ -173,7 +176,8 @@ impl LayeredMap {
     pub fn build_shader(&self) -> ShaderVariant {
         let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
-        shader.with_march(self.shape.march, "shadow/layered/sink.wgsl")
+        let shader = shader.with_march(self.shape.march, "shadow/layered/sink.wgsl");
+        if self.shape.march == March::Cells { shader.with_ray_states(STATE_WORDS) } else { shader }
     }
 
     /// Returns the contents of the uniform buffer of a layered shadow map.

@@ -188,6 +188,8 @@ impl VectorMap for MomentMap {
             defs: [Some(degree), circle.then_some("TRIGONOMETRIC"), light].into_iter().flatten().collect(),
             marches: None,
             sink: &["shadow/moments/sink.wgsl"],
+            // Optical depth, transmittance, and all moments.
+            sink_words: Some(3 + self.moments),
             lookup: match (circle, self.in_words()) {
                 (true, false) => &[ROOTS, TRIGONOMETRIC, FLOATS, LOOKUP],
                 (false, false) => &[ROOTS, POWER, FLOATS, LOOKUP],

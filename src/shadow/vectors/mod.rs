@@ -90,6 +90,8 @@ pub struct VectorMapDescriptor {
     /// File of the shader module `umbravox::sink`, which receives the matter along a light ray, interval by interval,
     /// preceded by the modules that it imports.
     pub sink: &'static [&'static str],
+    /// Number of words in the state of the sink of a ray that waits for pages of the volume; `None` if rays cannot wait.
+    pub sink_words: Option<u32>,
     /// Files of the shader module `umbravox::texel_curve` with the transmittance of a texel, or of the mean of texels,
     /// preceded by the modules that it imports.
     pub lookup: &'static [&'static str],
@@ -197,7 +199,12 @@ impl VectorMapDescriptor {
             .defs(self.marches.map(|_| "MARCHES"));
         let marches = Constant::unsigned("MARCHES", self.marches.unwrap_or(1));
         let [modules @ .., sink] = self.sink else { return shader };
-        shader.constants(&[marches]).modules(modules).with_march(self.shape.march, sink)
+        let shader = shader.constants(&[marches]).modules(modules).with_march(self.shape.march, sink);
+        match self.sink_words.filter(|_| self.shape.march == March::Cells) {
+            // The number of the march comes first.
+            Some(words) => shader.with_ray_states(1 + words),
+            None => shader,
+        }
     }
 
     fn lookup(&self) -> Lookup {
@@ -313,6 +320,7 @@ mod tests {
             defs: Vec::new(),
             marches: None,
             sink: &[RANGE, "shadow/fourier/sink.wgsl"],
+            sink_words: None,
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             params: None,
             lookup_mode: Lookups::Shared,

@@ -91,6 +91,8 @@ impl VectorMap for WaveletMap {
             defs: texel_range.then_some("TEXEL_RANGE").into_iter().collect(),
             marches: texel_range.then_some(2),
             sink: &[RANGE, "shadow/wavelet/sink.wgsl"],
+            // Optical depth, range, number of passed nodes, and all nodes.
+            sink_words: Some(1 + 4 + 1 + (1 << self.rank)),
             lookup: &["shadow/wavelet/lookup.wgsl"],
             lookup_mode: self.lookup,
             params: None,
