@@ -3,7 +3,7 @@
 use super::answer::{Answer, CellResult};
 use super::exact::is_expected;
 use super::plot::critical_difference;
-use super::ranking::{Rank, Ranking, rankings};
+use super::ranking::{FLOAT32_ERROR, Rank, Ranking, rankings, winners};
 use crate::error::Result;
 use crate::report::markdown::{Align, aligned_table};
 use crate::report::number::significant;
@@ -110,6 +110,7 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
     for ranking in rankings.iter().filter(|ranking| !ranking.ranks.is_empty()) {
         page += &format!("\n## Within {}\n\n", ranking.budget);
         page += &shares(ranking);
+        page += &undecided(ranking);
         page += &match ranking.critical_difference {
             Some(difference) => format!(
                 "\nTwo mean ranks over {} volumes differ at the 5 % level if they are at least {} apart (Nemenyi's test).\n",
@@ -125,6 +126,20 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
         page += &won_by(results, ranking, |result| &result.function);
     }
     page
+}
+
+/// Returns a sentence on the cells that decide nothing; empty if there is none.
+fn undecided(ranking: &Ranking) -> String {
+    let of_first = ranking.ranks.first().filter(|rank| rank.undecided > 0);
+    of_first.map_or_else(String::new, |rank| {
+        format!(
+            "\nIn {} of {} cells the least error is below {}, which is float32 rounding. They count in \"answered\" and \
+             \"mean rank\" only.\n",
+            rank.undecided,
+            rank.cells,
+            significant(FLOAT32_ERROR, 1)
+        )
+    })
 }
 
 /// Returns the table of all methods within one budget.
@@ -159,21 +174,46 @@ fn shares(ranking: &Ranking) -> String {
 /// Returns a table with the number of cells that each method wins, for each value of a key of the cells.
 fn won_by(results: &[CellResult], ranking: &Ranking, key: impl Fn(&CellResult) -> &String) -> String {
     let values: Vec<&String> = results.iter().map(&key).unique().collect();
-    let winner = |result: &CellResult| {
-        let own = result.answers.iter().filter(|a| a.budget == ranking.budget && a.point_err_rms.is_some());
-        own.min_by(|a, b| a.error().total_cmp(&b.error())).map(|a| a.method.clone())
-    };
-    let winners: Vec<_> = results.iter().map(|result| (key(result), winner(result))).collect();
+    let of_cells: Vec<(&String, Vec<&str>)> =
+        results.iter().map(|result| (key(result), winners(result, &ranking.budget))).collect();
     let mut headings = vec![("method".to_owned(), Align::Left)];
     headings.extend(values.iter().map(|value| ((*value).clone(), Align::Right)));
     let row = |rank: &Rank| {
         let count = |value: &&String| {
-            let is_own = |(of, winner): &&(&String, Option<String>)| {
-                of == value && winner.as_ref() == Some(&rank.method)
-            };
-            winners.iter().filter(is_own).count().to_string()
+            let is_own =
+                |(of, winners): &&(&String, Vec<&str>)| of == value && winners.contains(&&*rank.method);
+            of_cells.iter().filter(is_own).count().to_string()
         };
         [vec![format!("`{}`", rank.method)], values.iter().map(count).collect()].concat()
     };
     aligned_table(&headings, &ranking.ranks.iter().map(row).collect_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_count_ties_and_leave_rounding_out() {
+        let answer = |(method, error): (&str, f64)| Answer {
+            budget: "bytes=1MiB".into(),
+            method: method.into(),
+            point_err_rms: Some(error),
+            ..Answer::default()
+        };
+        let cell = |function: &str, errors: [f64; 2]| CellResult {
+            volume: "a".into(),
+            function: function.into(),
+            answers: ["x", "y"].into_iter().zip(errors).map(answer).collect(),
+            ..CellResult::default()
+        };
+        let results = [cell("thin", [0.1, 0.1]), cell("thin", [0.1, 0.2]), cell("surface", [1e-9, 0.3])];
+        let ranking = rankings(&results).remove(0);
+        assert_eq!(ranking.ranks.iter().map(|rank| rank.won).collect_vec(), [2, 1]);
+        let table = won_by(&results, &ranking, |result| &result.function);
+        let rows = table.lines().map(|line| line.replace(' ', "")).collect_vec();
+        assert_eq!(rows[2..], ["|`x`|2|0|", "|`y`|1|0|"]);
+        assert!(undecided(&ranking).contains("In 1 of 3 cells the least error is below 1e-6"));
+        assert!(undecided(&rankings(&results[..2])[0]).is_empty());
+    }
 }

@@ -92,6 +92,7 @@ mod tests {
             method: "m".into(),
             cells: 1,
             answered: 1,
+            undecided: 0,
             won: 0,
             share: 0.0,
             share_lo: 0.0,
@@ -100,6 +101,7 @@ mod tests {
             share_volumes_hi: None,
             not_separated: 0,
             mean_rank,
+            critical_difference: None,
             ratio: None,
         };
         let ranking = |difference| Ranking {
