@@ -11,9 +11,13 @@
 //! select rows.
 
 use crate::readme::pages;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use umbravox::benchmark::answer::CellResult;
+use umbravox::benchmark::definition::Definition;
+use umbravox::benchmark::folder::Folder;
+use umbravox::benchmark::pages as benchmark_pages;
 use umbravox::report::markdown::{Align, aligned_table};
 use umbravox::report::number::significant;
 
@@ -195,6 +199,49 @@ fn tables_of_the_pages_are_those_of_the_archived_results() {
         assert!(written == made, "{}: UMBRAVOX_REWRITE=1 writes its tables again", path.display());
     }
     assert!(count > 0, "no block found");
+}
+
+/// Results in an archived folder of the benchmark, for the cells of its `benchmark.csv`.
+fn archived_results(folder: &Path) -> Vec<CellResult> {
+    let rows = rows(&folder.join("benchmark.csv"));
+    let archived: BTreeSet<&str> = rows.iter().map(|row| value(row, "cell")).collect();
+    let (results, _) = Folder::archived(folder).unwrap().expect("a folder of the benchmark");
+    let cells = Definition::frozen().unwrap().cells();
+    let cells = cells.iter().filter(|cell| archived.contains(&*cell.name));
+    cells.map(|cell| results.result(cell).unwrap().expect("a file of the cell")).collect()
+}
+
+/// Whether two texts with commas are the same but for the last digits of numbers, which differ between systems.
+fn is_same(a: &str, b: &str) -> bool {
+    let fields = |text: &str| text.split([',', '\n']).map(str::to_owned).collect::<Vec<String>>();
+    let (a, b) = (fields(a), fields(b));
+    let is_close = |(a, b): (&String, &String)| match (a.parse::<f64>(), b.parse::<f64>()) {
+        (Ok(x), Ok(y)) => (x - y).abs() <= 1e-12 * x.abs(),
+        _ => a == b,
+    };
+    a.len() == b.len() && a.iter().zip(&b).all(is_close)
+}
+
+/// Compares archived rankings with those that the program makes of the archived cells. With `UMBRAVOX_REWRITE` it runs
+/// before the test of the pages, whose tables are made from its files.
+#[test]
+fn archived_rankings_are_those_of_their_cells() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/benchmark");
+    for folder in ["all", "front", "vtk"].map(|name| root.join(name)) {
+        let page = fs::read_to_string(folder.join("benchmark.md")).unwrap();
+        let made_by = page.split("\n\n").nth(1).expect("a paragraph on the run");
+        let made = tempfile::tempdir().unwrap();
+        benchmark_pages::write(&archived_results(&folder), made_by, made.path()).unwrap();
+        for name in ["ranking.csv", "benchmark.md"] {
+            let [path, made] = [folder.as_path(), made.path()].map(|folder| folder.join(name));
+            let made = fs::read_to_string(made).unwrap();
+            if std::env::var_os("UMBRAVOX_REWRITE").is_some() {
+                fs::write(&path, &made).unwrap();
+            }
+            let written = fs::read_to_string(&path).unwrap();
+            assert!(is_same(&written, &made), "{}: UMBRAVOX_REWRITE=1 writes it again", path.display());
+        }
+    }
 }
 
 #[test]
