@@ -4,7 +4,7 @@
 //!
 //! - `<!-- table FILE...: COLUMN, COLUMN as HEADING, ... | LABEL; LABEL; ... -->` has a line for each row,
 //! - `<!-- pivot FILE...: COLUMN | LABEL; LABEL; ... -->` has one column of each file, with a line for each label,
-//! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark.
+//! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark, with 95 % intervals and mean ranks.
 //!
 //! A column is that of the CSV file, with `/` and a divisor (number or column) if need be. Further columns are `folder`
 //! (of the file), `label` (method with its settings) and `setting` (with its map too). Labels or settings behind `|`
@@ -128,41 +128,54 @@ fn pivot(folder: &Path, instruction: &str) -> String {
     aligned_table(&headings, &lines)
 }
 
-/// List of the budgets of a benchmark, with the three methods that win most cells and those with the least mean rank.
+/// List of the budgets of a benchmark, with a text on each.
 fn ranking(folder: &Path, file: &str) -> String {
     let rows = rows(&folder.join(file));
     let mut budgets: Vec<&str> = rows.iter().map(|row| value(row, "budget")).collect();
     budgets.dedup();
+    let of_budget =
+        |budget: &&str| rows.iter().filter(|row| value(row, "budget") == *budget).collect::<Vec<_>>();
+    budgets.iter().map(|budget| ranking_within(budget, of_budget(budget))).collect()
+}
+
+/// Text on one budget: the three methods that win most cells, those with the least mean rank, and the methods that the
+/// Nemenyi test does not separate from the first of these.
+fn ranking_within(budget: &str, mut ranks: Vec<&Row>) -> String {
     let number = |row: &Row, column: &str| value(row, column).parse::<f64>().unwrap();
     let percent = |row: &Row, column: &str| format!("{:.0}", 100.0 * number(row, column));
-    let item = |budget: &&str| {
-        let mut ranks: Vec<&Row> = rows.iter().filter(|row| value(row, "budget") == *budget).collect();
-        ranks.sort_by(|a, b| number(b, "share").total_cmp(&number(a, "share")));
-        let [first, second, third] =
-            [0, 1, 2].map(|i| (value(ranks[i], "method"), percent(ranks[i], "share")));
-        let text = format!(
-            "- Within {}, `{}` has the least error in {} % of {} scenes (95 % interval over volumes: {} to {} %).\n  \
-             Next are `{}` ({} %) and `{}` ({} %).",
-            budget.trim_start_matches("bytes=").replace("KiB", " KiB").replace("MiB", " MiB"),
-            first.0,
-            first.1,
-            value(ranks[0], "cells"),
-            percent(ranks[0], "share_volumes_lo"),
-            percent(ranks[0], "share_volumes_hi"),
-            second.0,
-            second.1,
-            third.0,
-            third.1,
-        );
-        ranks.sort_by(|a, b| number(a, "mean_rank").total_cmp(&number(b, "mean_rank")));
-        let [first, second, third] =
-            [0, 1, 2].map(|i| (value(ranks[i], "method"), number(ranks[i], "mean_rank")));
-        format!(
-            "{text} Mean ranks: `{}` {:.1}, `{}` {:.1}, `{}` {:.1}.\n",
-            first.0, first.1, second.0, second.1, third.0, third.1
-        )
+    let method = |row: &Row| format!("`{}`", value(row, "method"));
+    let intervals = |row: &Row| {
+        let [low, high, volumes_low, volumes_high] =
+            ["share_lo", "share_hi", "share_volumes_lo", "share_volumes_hi"].map(|end| percent(row, end));
+        format!("Wilson {low} to {high} %, over volumes {volumes_low} to {volumes_high} %")
     };
-    budgets.iter().map(item).collect()
+    ranks.sort_by(|a, b| number(b, "share").total_cmp(&number(a, "share")));
+    let [first, second, third] = [ranks[0], ranks[1], ranks[2]];
+    let text = format!(
+        "- Within {}, {} has the least error in {} % of {} scenes (95 % intervals: {}).\n  \
+         Next are {} with {} % ({}) and {} with {} %.\n ",
+        budget.trim_start_matches("bytes=").replace("KiB", " KiB").replace("MiB", " MiB"),
+        method(first),
+        percent(first, "share"),
+        number(first, "cells") - number(first, "undecided"),
+        intervals(first),
+        method(second),
+        percent(second, "share"),
+        intervals(second),
+        method(third),
+        percent(third, "share"),
+    );
+    ranks.sort_by(|a, b| number(a, "mean_rank").total_cmp(&number(b, "mean_rank")));
+    let mean_rank = |row: &&Row| format!("{} {:.1}", method(row), number(row, "mean_rank"));
+    let mean_ranks: Vec<String> = ranks.iter().take(3).map(mean_rank).collect();
+    let limit = number(ranks[0], "mean_rank") + number(ranks[0], "critical_difference");
+    let same = ranks.iter().filter(|row| number(row, "mean_rank") < limit);
+    let same: Vec<String> = same.map(|row| method(row)).collect();
+    format!(
+        "{text} Mean ranks: {}. Not separated by the Nemenyi test:\n  {}.\n",
+        mean_ranks.join(", "),
+        same.join(", ")
+    )
 }
 
 /// The page with the text of every block made again.
