@@ -107,10 +107,13 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
             "\nIn {unexpected} of {cells} cells the hash of the exact transmittances is not the one that the benchmark expects.\n"
         );
     }
+    page += &format!(
+        "\nErrors below {floor}, which is float32 rounding, count as {floor}. A tie counts for each tied method.\n",
+        floor = significant(FLOAT32_ERROR, 1)
+    );
     for ranking in rankings.iter().filter(|ranking| !ranking.ranks.is_empty()) {
         page += &format!("\n## Within {}\n\n", ranking.budget);
         page += &shares(ranking);
-        page += &undecided(ranking);
         page += &match ranking.critical_difference {
             Some(difference) => format!(
                 "\nTwo mean ranks over {} volumes differ at the 5 % level if they are at least {} apart (Nemenyi's test).\n",
@@ -126,20 +129,6 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
         page += &won_by(results, ranking, |result| &result.function);
     }
     page
-}
-
-/// Returns a sentence on the cells that decide nothing; empty if there is none.
-fn undecided(ranking: &Ranking) -> String {
-    let of_first = ranking.ranks.first().filter(|rank| rank.undecided > 0);
-    of_first.map_or_else(String::new, |rank| {
-        format!(
-            "\nIn {} of {} cells the least error is below {}, which is float32 rounding. They count in \"answered\" and \
-             \"mean rank\" only.\n",
-            rank.undecided,
-            rank.cells,
-            significant(FLOAT32_ERROR, 1)
-        )
-    })
 }
 
 /// Returns the table of all methods within one budget.
@@ -194,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_count_ties_and_leave_rounding_out() {
+    fn tables_count_ties_for_each_tied_method() {
         let answer = |(method, error): (&str, f64)| Answer {
             budget: "bytes=1MiB".into(),
             method: method.into(),
@@ -207,13 +196,12 @@ mod tests {
             answers: ["x", "y"].into_iter().zip(errors).map(answer).collect(),
             ..CellResult::default()
         };
-        let results = [cell("thin", [0.1, 0.1]), cell("thin", [0.1, 0.2]), cell("surface", [1e-9, 0.3])];
+        let results = [cell("thin", [0.1, 0.1]), cell("thin", [0.1, 0.2]), cell("surface", [1e-9, 3e-7])];
         let ranking = rankings(&results).remove(0);
-        assert_eq!(ranking.ranks.iter().map(|rank| rank.won).collect_vec(), [2, 1]);
+        assert_eq!(ranking.ranks.iter().map(|rank| rank.won).collect_vec(), [3, 2]);
         let table = won_by(&results, &ranking, |result| &result.function);
         let rows = table.lines().map(|line| line.replace(' ', "")).collect_vec();
-        assert_eq!(rows[2..], ["|`x`|2|0|", "|`y`|1|0|"]);
-        assert!(undecided(&ranking).contains("In 1 of 3 cells the least error is below 1e-6"));
-        assert!(undecided(&rankings(&results[..2])[0]).is_empty());
+        assert_eq!(rows[2..], ["|`x`|2|1|", "|`y`|1|1|"]);
+        assert!(page(&results, &[ranking], "").contains("Errors below 1e-6,"));
     }
 }

@@ -92,7 +92,6 @@ mod tests {
             method: "m".into(),
             cells: 1,
             answered: 1,
-            undecided: 0,
             won: 0,
             share: 0.0,
             share_lo: 0.0,

@@ -7,15 +7,15 @@
 //! classifiers over multiple data sets*) is that of as many samples as there are volumes. Methods that have no answer in
 //! any cell take no part.
 //!
-//! A tie for the least error counts for each tied method. A cell whose least error is float32 rounding decides between no
-//! methods: shares, `won`, `not_separated` and `ratio` are those of the other cells. Mean ranks are those of all cells.
+//! A tie for the least error counts for each tied method. Errors below [`FLOAT32_ERROR`] count as this error, so methods
+//! that differ by float32 rounding alone are tied.
 
 use super::answer::{Answer, CellResult};
 use crate::random::Chance;
 use itertools::Itertools as _;
 use serde::Serialize;
 
-/// Error of transmittance that float32 rounding alone causes. A least error below it does not distinguish methods.
+/// Error of transmittance that float32 rounding alone causes. The ranking raises smaller errors to it.
 pub const FLOAT32_ERROR: f64 = 1e-6;
 /// Quantile of the normal distribution for 95 % intervals.
 const Z: f64 = 1.96;
@@ -38,12 +38,9 @@ pub struct Rank {
     pub cells: usize,
     /// Number of cells in which the method has settings within the budget.
     pub answered: usize,
-    /// Number of cells whose least error is below [`FLOAT32_ERROR`]. They count in `cells`, `answered` and `mean_rank`
-    /// only.
-    pub undecided: usize,
-    /// Number of decided cells in which the method has the least error, alone or with others.
+    /// Number of cells in which the method has the least error, alone or with others.
     pub won: usize,
-    /// Share of the decided cells in which the method has the least error; 0 if no cell is decided.
+    /// Share of cells in which the method has the least error, alone or with others.
     pub share: f64,
     /// Lower end of Wilson's 95 % interval of `share`, which takes cells as independent.
     pub share_lo: f64,
@@ -53,15 +50,14 @@ pub struct Rank {
     pub share_volumes_lo: Option<f64>,
     /// Upper end of the 95 % interval of `share` by a bootstrap over volumes.
     pub share_volumes_hi: Option<f64>,
-    /// Number of decided cells in which the method has the least error, or one that a paired bootstrap does not
-    /// distinguish from it.
+    /// Number of cells in which the method has the least error, or one that a paired bootstrap does not distinguish from
+    /// it.
     pub not_separated: usize,
     /// Mean over volumes of the method's rank in each; a volume ranks methods by their mean rank in its cells.
     pub mean_rank: f64,
     /// Difference of mean ranks from which two methods within this budget differ, see [`Ranking`].
     pub critical_difference: Option<f64>,
-    /// Geometric mean of the ratio of the method's error to the least error of the cell, over the decided cells with an
-    /// answer.
+    /// Geometric mean of the ratio of the method's error to the least error of the cell, over the cells with an answer.
     pub ratio: Option<f64>,
 }
 
@@ -79,24 +75,23 @@ pub struct Ranking {
     pub volumes: usize,
 }
 
-/// Returns the methods with the least error of a cell within a budget, all of them if there is a tie. There is none
-/// without an answer, or where the least error is below [`FLOAT32_ERROR`].
+/// Returns the methods with the least error of a cell within a budget, all of them if there is a tie. Errors below
+/// [`FLOAT32_ERROR`] are tied.
 pub fn winners<'a>(result: &'a CellResult, budget: &str) -> Vec<&'a str> {
     let answers = result.answers.iter().filter(|a| a.budget == budget && a.point_err_rms.is_some());
     let answers: Vec<&Answer> = answers.collect();
     let least = least(&answers);
-    let is_won = |answer: &&&Answer| is_decided(least) && answer.error() == least;
-    answers.iter().filter(is_won).map(|answer| &*answer.method).collect()
+    answers.into_iter().filter(|answer| ranked_error(answer) == least).map(|answer| &*answer.method).collect()
 }
 
-/// Returns the least error of several answers; infinite where there is none.
+/// Returns the error by which an answer is ranked, at least [`FLOAT32_ERROR`]; infinite where there is no answer.
+fn ranked_error(answer: &Answer) -> f64 {
+    answer.error().max(FLOAT32_ERROR)
+}
+
+/// Returns the least ranked error of several answers; infinite where there is none.
 fn least(answers: &[&Answer]) -> f64 {
-    answers.iter().map(|answer| answer.error()).fold(f64::INFINITY, f64::min)
-}
-
-/// Whether a least error is more than float32 rounding.
-fn is_decided(least: f64) -> bool {
-    least >= FLOAT32_ERROR
+    answers.iter().map(|answer| ranked_error(answer)).fold(f64::INFINITY, f64::min)
 }
 
 /// Answers of one cell to one budget, with the rank of each, the methods with the least error, and this error.
@@ -113,7 +108,7 @@ impl<'a> Ranked<'a> {
     fn of(result: &'a CellResult, budget: &str, methods: &[&str]) -> Self {
         let own = |a: &&Answer| a.budget == budget && methods.contains(&&*a.method);
         let answers: Vec<&Answer> = result.answers.iter().filter(own).collect();
-        let errors: Vec<f64> = answers.iter().map(|answer| answer.error()).collect();
+        let errors: Vec<f64> = answers.iter().map(|answer| ranked_error(answer)).collect();
         Self {
             volume: &result.volume,
             least: least(&answers),
@@ -124,10 +119,6 @@ impl<'a> Ranked<'a> {
 
     fn of_method(&self, method: &str) -> Option<(&'a Answer, f64)> {
         self.answers.iter().find(|(answer, _)| answer.method == method).copied()
-    }
-
-    fn is_decided(&self) -> bool {
-        is_decided(self.least)
     }
 
     fn is_won_by(&self, method: &str) -> bool {
@@ -192,14 +183,12 @@ fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
     let own = cells.iter().filter_map(|cell| Some((cell, cell.of_method(method)?.0)));
     let answered: Vec<(&Ranked, &Answer)> =
         own.filter(|(_, answer)| answer.point_err_rms.is_some()).collect();
-    let in_decided: Vec<_> = answered.iter().filter(|(cell, _)| cell.is_decided()).collect();
     let won = cells.iter().filter(|cell| cell.is_won_by(method)).count();
     let not_separated =
-        |(cell, answer): &&&(&Ranked, &Answer)| cell.is_won_by(method) || answer.separated == Some(false);
+        |(cell, answer): &&(&Ranked, &Answer)| cell.is_won_by(method) || answer.separated == Some(false);
     let logarithms: Vec<f64> =
-        in_decided.iter().map(|(cell, answer)| (answer.error() / cell.least).ln()).collect();
-    let decided = cells.iter().filter(|cell| cell.is_decided()).count();
-    let [share_lo, share_hi] = wilson(won, decided);
+        answered.iter().map(|(cell, answer)| (ranked_error(answer) / cell.least).ln()).collect();
+    let [share_lo, share_hi] = wilson(won, cells.len());
     let over_volumes = share_over_volumes(cells, method);
     let [share_volumes_lo, share_volumes_hi] = [0, 1].map(|end| over_volumes.map(|ends| ends[end]));
     Rank {
@@ -207,25 +196,21 @@ fn rank(cells: &[Ranked], budget: &str, method: &str) -> Rank {
         method: method.into(),
         cells: cells.len(),
         answered: answered.len(),
-        undecided: cells.len() - decided,
         won,
-        share: won as f64 / decided.max(1) as f64,
+        share: won as f64 / cells.len() as f64,
         share_lo,
         share_hi,
         share_volumes_lo,
         share_volumes_hi,
-        not_separated: in_decided.iter().filter(not_separated).count(),
+        not_separated: answered.iter().filter(not_separated).count(),
         mean_rank: f64::NAN,
         critical_difference: None,
         ratio: (!logarithms.is_empty()).then(|| mean(&logarithms).exp()),
     }
 }
 
-/// Returns Wilson's 95 % interval of a share of `n` independent trials; 0 to 1 without a trial.
+/// Returns Wilson's 95 % interval of a share of `n` independent trials.
 pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
-    if n == 0 {
-        return [0.0, 1.0];
-    }
     let (share, n) = (successes as f64 / n as f64, n as f64);
     let centre = share + Z * Z / (2.0 * n);
     let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
@@ -233,11 +218,10 @@ pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
     [((centre - half) / scale).max(0.0), ((centre + half) / scale).min(1.0)]
 }
 
-/// Returns the 95 % interval of the share of decided cells that a method wins, by a bootstrap over their volumes; `None`
+/// Returns the 95 % interval of the share of cells that a method wins, by a bootstrap over volumes; `None`
 /// for a single volume.
 fn share_over_volumes(cells: &[Ranked], method: &str) -> Option<[f64; 2]> {
-    let decided = cells.iter().filter(|cell| cell.is_decided());
-    let volumes = decided.map(|cell| (cell.volume, cell.is_won_by(method))).into_group_map();
+    let volumes = cells.iter().map(|cell| (cell.volume, cell.is_won_by(method))).into_group_map();
     // A hash map has no fixed order, and the random choices depend on it.
     let volumes: Vec<[f64; 2]> = volumes
         .into_iter()
@@ -356,23 +340,25 @@ mod tests {
     }
 
     #[test]
-    fn cells_with_errors_of_float32_rounding_decide_nothing() {
+    fn errors_of_float32_rounding_are_tied() {
         let cells = [
-            cell("a", &[("x", Some(1e-8), None), ("y", Some(0.5), Some(false))]),
-            cell("a", &[("x", Some(0.2), Some(true)), ("y", Some(0.1), None)]),
-            cell("b", &[("x", Some(0.0), None), ("y", Some(0.0), Some(false))]),
+            cell(
+                "a",
+                &[("x", Some(3e-7), Some(true)), ("y", Some(1e-8), None), ("z", Some(3e-4), Some(true))],
+            ),
+            cell("b", &[("x", Some(0.0), None), ("y", Some(0.2), Some(true)), ("z", Some(0.1), Some(true))]),
         ];
-        assert!(winners(&cells[0], "bytes=1MiB").is_empty());
+        assert_eq!(winners(&cells[0], "bytes=1MiB"), ["x", "y"]);
         let ranking = rankings(&cells).remove(0);
-        let [x, y] = ["x", "y"].map(|method| ranking.ranks.iter().find(|r| r.method == method).unwrap());
-        assert_eq!((x.cells, x.answered, x.undecided), (3, 3, 2));
-        assert_eq!((x.won, x.share, x.not_separated), (0, 0.0, 0));
-        assert_eq!((y.won, y.share, y.not_separated), (1, 1.0, 1));
-        assert!((x.ratio.unwrap() - 2.0).abs() < 1e-12 && (y.ratio.unwrap() - 1.0).abs() < 1e-12);
-        // All decided cells are of one volume.
-        assert_eq!(x.share_volumes_lo, None);
-        let none = rankings(&cells[..1]).remove(0);
-        let x = &none.ranks[0];
-        assert_eq!((x.undecided, x.share, [x.share_lo, x.share_hi], x.ratio), (1, 0.0, [0.0, 1.0], None));
+        let counts: Vec<_> = ranking
+            .ranks
+            .iter()
+            .map(|r| (&*r.method, r.won, r.not_separated, r.share, r.mean_rank))
+            .collect();
+        assert_eq!(counts, [("x", 2, 2, 1.0, 1.25), ("y", 1, 1, 0.5, 2.25), ("z", 0, 0, 0.0, 2.5)]);
+        // The geometric means of 1 and 1, of 1 and 2e5, and of 300 and 1e5.
+        for (rank, ratio) in ranking.ranks.iter().zip([1.0, 2e5_f64.sqrt(), 3e7_f64.sqrt()]) {
+            assert!((rank.ratio.unwrap() / ratio - 1.0).abs() < 1e-12, "{rank:?}");
+        }
     }
 }
