@@ -169,8 +169,11 @@ const READ_FLAGS: u32 = NEAR_MISSING;
 const READ_FLAGS: u32 = MISSING;
 #endif
 
+// Flag in the stored number of pieces: a cell exceeds its limit of pieces.
+const TOO_MANY: u32 = 0x80000000u;
+
 // Stores the state of a march that waits for a page. Between two cells no chord is pending.
-fn suspend_cells(march: CellMarch, pieces: u32) {
+fn suspend_cells(march: CellMarch, pieces: u32, too_many: bool) {
     wait_for_page(march.missing);
     start_state();
     put_float(march.z);
@@ -178,10 +181,10 @@ fn suspend_cells(march: CellMarch, pieces: u32) {
     put_word(bitcast<u32>(march.cell.y));
     put_word(bitcast<u32>(march.cell.z));
     put_word(bitcast<u32>(march.cells_left));
-    put_word(pieces);
+    put_word(select(pieces, pieces | TOO_MANY, too_many));
 }
 
-// Continues a march that has waited, and returns its number of pieces. The values of the near face of the cell are read
+// Continues a march that has waited, and returns its number of pieces with the flag TOO_MANY. The values of the near face of the cell are read
 // again.
 fn resume_cells(march: ptr<function, CellMarch>) -> u32 {
     (*march).z = take_float();
@@ -376,6 +379,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var done = false;
     // Whether a cell or the ray exceeds its limit of pieces.
     var too_many = false;
+#ifdef RAY_STATES
+    too_many = (pieces & TOO_MANY) != 0u;
+    pieces &= ~TOO_MANY;
+#endif
     loop {
         var steps = 0u;
         loop {
@@ -412,7 +419,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     }
 #ifdef RAY_STATES
     if state.missing >= 0 {
-        suspend_cells(state, pieces);
+        suspend_cells(state, pieces, too_many);
         return;
     }
     finish_ray();

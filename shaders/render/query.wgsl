@@ -20,8 +20,8 @@ fn query(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     if !section_contains(points[i].xyz) { return; }
 #endif
 #ifdef STREAMED
-    // A negative result is not known yet.
-    if results[i] >= 0.0 { return; }
+    // A negative result is not known yet; one that is not a number is known.
+    if !(results[i] < 0.0) { return; }
     let missing = missing_page(vec3<i32>(floor(points[i].xyz)), NEAR_MISSING);
     if missing >= 0 {
         wait_for_page(missing);

@@ -99,8 +99,6 @@ const COMPLETE_INTERVAL: f32 = 0.15;
 // Largest number of iterations for a sample: one step, one test of thickness, four for each part, and a reserve.
 const ITERATIONS_A_SAMPLE: u32 = 72u;
 
-// ---- The ray of a pixel ----
-
 fn pixel_ndc(pixel: vec2<u32>) -> vec2<f32> {
     return (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
 }
@@ -127,8 +125,6 @@ fn eye_depth(pixel: vec2<u32>) -> f32 {
     return -frame.plane_distance_mm * sqrt(1.0 + dot(ndc, ndc));
 }
 #endif
-
-// ---- Segments and intervals ----
 
 // Part of the segment that the march has hit.
 struct Part {
@@ -263,7 +259,11 @@ fn accumulate_interval(
             let is_new = !(*march).hit;
             advance(march, ray);
 #ifdef RAY_STATES
-            if (*march).missing >= 0 { break; }
+            if (*march).missing >= 0 {
+                // After a step without extinction the interval is complete. It is lit while its pages are resident.
+                (*interval).complete = (*interval).segments > 0u && (*march).steps_together > 0u;
+                break;
+            }
 #endif
 #ifdef SECTIONS
             if is_new { keep_to_section(march, ray); }
@@ -388,7 +388,7 @@ fn raycast(
         }
         accumulate_interval(&interval, &color, &march, &left, ray);
 #ifdef RAY_STATES
-        if march.missing >= 0 { break; }
+        if march.missing >= 0 && !interval.complete { break; }
 #endif
         if is_searching(march) { find_surface(&march, ray); }
 #ifdef SHADOWS
@@ -418,7 +418,7 @@ fn raycast(
     add_divergence(pixel.at, frame.size.x);
     add_work();
 #ifdef RAY_STATES
-    if march.missing >= 0 {
+    if march.missing >= 0 && left >= EYE_OVER {
         picture[index] = vec4<f32>(color, left);
         suspend_eye_ray(march, interval, known);
         return;

@@ -4,6 +4,7 @@ use super::shader::{RAY_STATES, shape_of};
 use super::tile_pace::Batch;
 use super::{
     BuildRecorder, DeferredPasses, DeviceTransfer, LightSpace, MapShape, March, NodePools, TilePace, View,
+    WorkShare,
 };
 use crate::error::{Error, Result};
 use crate::gpu::tuning::MAX_LIGHT_SAMPLES;
@@ -38,6 +39,8 @@ pub struct BuildContext<'a> {
     pub view: Option<&'a View>,
     /// Passes that wait for the submission of the picture; `None` if passes run at once.
     pub deferred: Option<&'a DeferredPasses>,
+    /// Share of the map's texels that this process builds.
+    pub share: WorkShare,
     /// Recorder of the passes, for another program; `None` if they only run.
     pub recorder: Option<&'a BuildRecorder>,
 }

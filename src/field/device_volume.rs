@@ -187,19 +187,21 @@ impl DeviceVolume {
         pages: Vec<Page>,
         former: Option<Arc<PagePool>>,
     ) -> Result<(Arc<PagePool>, Residency)> {
-        if let Some(pool) = former {
-            if pool.is_streamed() {
-                if let Some(stream) = self.stream(gpu, &pool, &pages)? {
-                    return Ok((pool, stream));
-                }
-            } else if let Some(slots) = pool.store(gpu, volume, &pages)? {
-                let table = pool.table(gpu, &slots);
-                return Ok((pool, Residency::All(table)));
-            }
-        }
         let count = pages.iter().unique().count();
         let page_bytes = PagePool::page_bytes(volume, &self.packing);
         let most = gpu.memory_limit.map_or(usize::MAX, |limit| (limit / page_bytes) as usize);
+        if let Some(pool) = former {
+            if !pool.is_streamed() {
+                if let Some(slots) = pool.store(gpu, volume, &pages)? {
+                    let table = pool.table(gpu, &slots);
+                    return Ok((pool, Residency::All(table)));
+                }
+            } else if count > pool.len()
+                && let Some(stream) = self.stream(gpu, &pool, &pages)?
+            {
+                return Ok((pool, stream));
+            }
+        }
         let spare = (count as f64 * SPARE_SLOTS) as usize;
         let sizes = [(count + spare).min(most), count];
         for slots in sizes.into_iter().filter(|slots| (count..=most).contains(slots)) {

@@ -32,6 +32,7 @@ mod tile_march;
 mod tile_pace;
 mod transfer_textures;
 mod view;
+mod work_share;
 
 pub use active_bricks::{ActiveBricks, extinction_intervals};
 pub use brick_runs::{BrickHull, BrickRun};
@@ -57,3 +58,4 @@ pub use shared_buffers::SharedBuffers;
 pub use tile_march::{TileMarch, ray_states};
 pub use tile_pace::TilePace;
 pub use view::View;
+pub use work_share::WorkShare;

@@ -10,7 +10,7 @@ use itertools::Itertools as _;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use wgpu::TextureFormat;
 
 /// Number of pages that are packed and submitted together, which limits the memory of pending copies.
@@ -40,6 +40,8 @@ pub(super) struct PagePool {
     stored: Mutex<HashMap<Page, usize>>,
     /// Whether blocks of pages replace each other in the pool.
     is_streamed: AtomicBool,
+    /// Blocks of one sweep at a time are in the pool.
+    turn: Mutex<()>,
 }
 
 impl PagePool {
@@ -62,6 +64,7 @@ impl PagePool {
             labels: volume.labels().map(|_| texture("pages of labels", TextureFormat::R8Uint)),
             stored: Mutex::default(),
             is_streamed: AtomicBool::new(false),
+            turn: Mutex::default(),
         })
     }
 
@@ -76,6 +79,11 @@ impl PagePool {
     /// Whether blocks of pages replace each other in the pool, so that no page stays.
     pub fn is_streamed(&self) -> bool {
         self.is_streamed.load(Ordering::Relaxed)
+    }
+
+    /// Waits until no other sweep replaces pages of the pool, and keeps others from it as long as the guard exists.
+    pub fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Lets blocks of pages replace each other in the pool.

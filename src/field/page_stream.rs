@@ -10,8 +10,8 @@ use crate::volume::Volume;
 use glam::{DAffine3, DVec3};
 use itertools::Itertools as _;
 use serde::Serialize;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Flag in an entry of the page table: the page is not resident.
@@ -69,8 +69,6 @@ pub struct PageStream {
     table: wgpu::Texture,
     /// One bit for each page: whether a ray waits for it.
     waiting: wgpu::Buffer,
-    /// Resident pages belong to one sweep at a time.
-    usage: Mutex<()>,
     uploaded: [AtomicU64; 3],
 }
 
@@ -90,14 +88,13 @@ impl PageStream {
         let stored = StoredCounts::of(counts, is_stored);
         let constants: Vec<Page> =
             pages.iter().filter(|page| matches!(page, Page::Constant { .. })).copied().unique().collect();
-        let most = pool.len().saturating_sub(constants.len());
+        let Some(most) = pool.len().checked_sub(constants.len()) else { return Ok(None) };
         let [own, with_neighbours] = [0, 1].map(|reach| BlockTree::of(&stored, reach, most));
         let (Some(own), Some(with_neighbours)) = (own, with_neighbours) else { return Ok(None) };
         pool.set_streamed();
         let table = pool.empty_table(gpu);
         let words = pages.len().div_ceil(32) as u64;
         let waiting = StorageBuffer::zeroed(gpu, "pages for which rays wait", 4 * words)?;
-        let (usage, uploaded) = (Mutex::default(), Default::default());
         Ok(Some(Self {
             pool,
             pages,
@@ -108,8 +105,7 @@ impl PageStream {
             with_neighbours,
             table,
             waiting,
-            usage,
-            uploaded,
+            uploaded: Default::default(),
         }))
     }
 
@@ -146,7 +142,7 @@ impl PageStream {
         (rays, reach): (PassRays, PageReach),
         mut pass: impl FnMut() -> Result<()>,
     ) -> Result<()> {
-        let _one_at_a_time = self.usage.lock().unwrap_or_else(PoisonError::into_inner);
+        let _one_at_a_time = self.pool.turn();
         let page_from_index = DAffine3::from_scale(DVec3::splat(1.0 / PAGE_CELLS as f64));
         let rays = match rays {
             PassRays::Along(direction) => Rays::Along(direction),
@@ -157,6 +153,8 @@ impl PageStream {
             PageReach::Neighbours => &self.with_neighbours,
         };
         self.make_resident(gpu, volume, &[])?;
+        let none = vec![0; 4 * self.pages.len().div_ceil(32)];
+        gpu.queue.write_buffer(&self.waiting, 0, &none);
         let mut before = None;
         loop {
             pass()?;
@@ -170,7 +168,7 @@ impl PageStream {
                 return Err(Error::runtime("cannot march through", &volume.provenance.source, why));
             }
             before = Some(block.clone());
-            gpu.queue.write_buffer(&self.waiting, 0, &vec![0; 4 * words.len()]);
+            gpu.queue.write_buffer(&self.waiting, 0, &none);
             let around = match reach {
                 PageReach::Own => block,
                 PageReach::Neighbours => self.stored.grown(&block, 1),

@@ -48,6 +48,10 @@ impl<'a> TileMarch<'a> {
         if context.transfer.disabled.has(Optimization::Tiles) || context.recorder.is_some() {
             occupied = TileSet::all(occupied.across());
         }
+        if !context.share.is_whole() {
+            let weights = light_space.tile_weights(context.volume, &context.transfer.active, &occupied);
+            occupied = occupied.range(context.share.range(&weights));
+        }
         let across = occupied.across();
         let (entries, list) = layout(&occupied, gpu.tuning.order);
         let table =

@@ -15,6 +15,7 @@ use crate::gpu::tuning::BLOCK_SIDE;
 use crate::gpu::{Gpu, Group, Slot, StorageBuffer};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{SECTION_BINDING, Section, ShadowMap};
+use crate::volume::Volume;
 use std::cell::Cell;
 use std::time::Instant;
 
@@ -109,6 +110,9 @@ impl Renderer {
         scene: &'a Scene,
         deferred: &'a DeferredPasses,
     ) -> Result<(Plan, Caster<'a>, f64)> {
+        if transfer.stream().is_some() {
+            check_blocks((scene, loaded), maps)?;
+        }
         let start = Instant::now();
         let occlusion = scene.occlusion().map(|occlusion| self.occlusion((loaded, transfer), occlusion));
         let occlusion = occlusion.transpose()?.unwrap_or_default();
@@ -133,9 +137,6 @@ impl Renderer {
             let (resumable, sections) = (plan.resumable(shadow), plan.sections(shadow, scene)?);
             let shader = shader.defs(transfer.stream().map(|_| RAY_STATES));
             passes.push(Pass { group, radiance, is_ambient: false, shader, resumable, sections });
-        }
-        if transfer.stream().is_some() {
-            check_blocks((scene, loaded), maps, passes.iter().any(|pass| pass.sections.is_some()))?;
         }
         for (map, share) in occlusion {
             let shader =
@@ -177,24 +178,27 @@ impl Renderer {
     }
 }
 
+/// Returns the number of voxels along an axis within which interpolation at a distance of `mm` from a point reads.
+pub(super) fn voxels_within(volume: &Volume, mm: f64) -> f64 {
+    let rows = volume.index_from_world().matrix3.transpose();
+    let per_mm = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.length());
+    mm * per_mm.into_iter().fold(0.0, f64::max) + 1.0
+}
+
 /// Checks that a picture can be drawn block by block.
 ///
 /// # Errors
 /// Its eye rays or shadow rays read farther than the pages around a block, or its scene needs the whole volume at once.
-fn check_blocks(
-    (scene, loaded): (&Scene, &LoadedVolume),
-    maps: &[&ShadowMap],
-    has_sections: bool,
-) -> Result<()> {
+fn check_blocks((scene, loaded): (&Scene, &LoadedVolume), maps: &[&ShadowMap]) -> Result<()> {
     let volume = &loaded.volume;
-    let spacing = volume.min_spacing_mm();
-    let near = maps.iter().map(|map| map.light_space.near_mm / spacing).fold(0.0, f64::max);
-    let farthest = STEPS_OF_INTERVAL * scene.step + near + 1.0;
+    let near_mm = maps.iter().map(|map| map.light_space.near_mm).fold(0.0, f64::max);
+    let steps_mm = STEPS_OF_INTERVAL * scene.step * volume.min_spacing_mm();
+    let farthest = voxels_within(volume, steps_mm + near_mm);
     let why = if scene.mesh.is_some() {
         "surfaces are not drawn block by block".into()
     } else if scene.occlusion().is_some() {
         "ambient occlusion is not computed block by block".into()
-    } else if has_sections {
+    } else if maps.iter().any(|map| map.sections.is_some()) {
         "slices of half-angle shadows are not drawn block by block".into()
     } else if farthest > RESIDENT_VOXELS {
         format!("--step and near= reach over {farthest:.0} voxels, and blocks over {RESIDENT_VOXELS}")

@@ -177,6 +177,15 @@ impl EyeTiles {
         &self.depths
     }
 
+    /// Returns for each row of tiles the sum of their depth ranges, in hundredths of the largest, as a measure of the work
+    /// of their eye rays.
+    pub fn row_weights(&self) -> Vec<u64> {
+        let depth = |[near, far]: &[f32; 2]| if near > far { 0.0 } else { (far - near).min(FAR) };
+        let largest = self.depths.iter().map(depth).fold(1e-6, f32::max);
+        let weight = |depths: &[f32; 2]| (100.0 * depth(depths) / largest).ceil() as u64;
+        self.depths.chunks(self.across as usize).map(|row| row.iter().map(weight).sum()).collect()
+    }
+
     /// Returns the number of all tiles of the picture, and the number of tiles in which nothing is visible.
     pub fn counts(&self) -> [usize; 2] {
         [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Group, ShaderVariant, read_back};
+use std::ops::Range;
 
 /// Band of picture rows that is finished, in a device buffer.
 pub(super) struct Band<'a> {
@@ -13,6 +14,11 @@ pub(super) struct Band<'a> {
 
 /// Destination of a picture's bands of rows.
 pub(super) trait Output {
+    /// Returns the rows of a picture of a height that are drawn. The first is a multiple of the side of a tile.
+    fn rows(&self, height: u32) -> Range<u32> {
+        0..height
+    }
+
     /// Returns the pass that processes a band on the device, in the submission that finishes the band.
     fn pass(&mut self, _band: &Band<'_>) -> Result<Option<OutputPass>> {
         Ok(None)
@@ -38,19 +44,24 @@ pub(super) struct OutputPass {
 pub(super) struct ToHost<'a, G: FnMut(f32) -> bool> {
     pub gpu: &'a Gpu,
     pub pixels: Vec<f32>,
-    pub size: [usize; 2],
+    pub width: usize,
+    pub rows: Range<u32>,
     pub go_on: G,
 }
 
 impl<G: FnMut(f32) -> bool> Output for ToHost<'_, G> {
+    fn rows(&self, _height: u32) -> Range<u32> {
+        self.rows.clone()
+    }
+
     fn advanced(&mut self, share: f32) {
         // The drawing stops between bands only.
         let _ = (self.go_on)(share);
     }
 
     fn finished(&mut self, band: &Band<'_>) -> Result<bool> {
-        let [width, height] = self.size;
-        self.pixels.extend(read_back::<f32>(self.gpu, band.buffer, band.rows as usize * width * 4)?);
-        Ok((self.go_on)((band.first_row + band.rows) as f32 / height as f32))
+        self.pixels.extend(read_back::<f32>(self.gpu, band.buffer, band.rows as usize * self.width * 4)?);
+        let done = band.first_row + band.rows - self.rows.start;
+        Ok((self.go_on)(done as f32 / self.rows.len() as f32))
     }
 }

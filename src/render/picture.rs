@@ -2,19 +2,23 @@
 //! into the textures of a window.
 
 use super::caster::Caster;
+use super::eye_tiles::EyeTiles;
 use super::frame_uniform::FrameUniform;
 use super::lights::LightMaps;
 use super::output::{Band, Output, OutputPass, ToHost};
 use super::pace::{AtOnce, Pace, Pacing};
 use super::pass::{Pass, each_section, section_groups, section_passes};
-use super::plan::PictureTiles;
+use super::plan::{PictureTiles, plane_distance_mm};
 use super::shader::{PICTURE_SIDE, background_shader};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{DeferredPasses, DeviceTransfer, FAR, LoadedVolume, PageReach, PassRays, shape_of};
+use crate::field::{
+    DeferredPasses, DeviceTransfer, FAR, LoadedVolume, PageReach, PassRays, WorkShare, shape_of,
+};
 use crate::gpu::{DevicePass, Group, Read, Span, StorageBuffer, uniform_buffer};
 use crate::scene::Scene;
 use ndarray::Array3;
+use std::ops::Range;
 
 /// Rendered picture in host memory, with the time to draw it and the plan of needed and skipped work.
 pub struct Picture {
@@ -46,7 +50,47 @@ impl Renderer {
         scene: &Scene,
     ) -> Result<Picture> {
         let broken = || Error::runtime("cannot render", "picture", "it was left unfinished");
-        let drawn = self.render_with(loaded, transfer, shadows.into(), scene, &mut AtOnce, |_| true)?;
+        let drawn = self.render_with(
+            (loaded, transfer),
+            shadows.into(),
+            scene,
+            &mut AtOnce,
+            0..scene.height,
+            |_| true,
+        )?;
+        drawn.ok_or_else(broken)
+    }
+
+    /// Returns the rows of a picture of a scene that a process draws as its share, for [`Self::render_rows`].
+    pub fn rows_of_share(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        scene: &Scene,
+        share: WorkShare,
+    ) -> Range<u32> {
+        let plane_mm = plane_distance_mm(scene, &loaded.volume);
+        let weights = EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm).row_weights();
+        let Range { start, end } = share.range(&weights);
+        let row = |tile: usize| (tile as u32 * PICTURE_SIDE).min(scene.height);
+        row(start)..row(end)
+    }
+
+    /// Renders some rows of a picture of a scene; the first is a multiple of 8.
+    ///
+    /// # Errors
+    /// See [`Self::render`].
+    pub fn render_rows<'a>(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadows: impl Into<LightMaps<'a>>,
+        scene: &Scene,
+        rows: Range<u32>,
+    ) -> Result<Picture> {
+        let broken = || Error::runtime("cannot render", "rows of a picture", "they were left unfinished");
+        let drawn =
+            self.render_with((loaded, transfer), shadows.into(), scene, &mut AtOnce, rows, |_| true)?;
         drawn.ok_or_else(broken)
     }
 
@@ -65,21 +109,22 @@ impl Renderer {
         submission_ms: f64,
         go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
-        self.render_with(loaded, transfer, shadows.into(), scene, &mut Pace::new(submission_ms), go_on)
+        let pace = &mut Pace::new(submission_ms);
+        self.render_with((loaded, transfer), shadows.into(), scene, pace, 0..scene.height, go_on)
     }
 
     fn render_with(
         &self,
-        loaded: &LoadedVolume,
-        transfer: &DeviceTransfer,
+        (loaded, transfer): (&LoadedVolume, &DeviceTransfer),
         shadows: LightMaps<'_>,
         scene: &Scene,
         pacing: &mut dyn Pacing,
+        rows: Range<u32>,
         go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
-        let (width, height) = (scene.width as usize, scene.height as usize);
+        let (width, height) = (scene.width as usize, rows.len());
         let pixels = Vec::with_capacity(width * height * 4);
-        let mut output = ToHost { gpu: self.gpu(), pixels, size: [width, height], go_on };
+        let mut output = ToHost { gpu: self.gpu(), pixels, width, rows, go_on };
         let drawn = self.draw(loaded, transfer, shadows, scene, pacing, &mut output)?;
         let pixels = output.pixels;
         let Some((plan, span, host_ms)) = drawn else { return Ok(None) };
@@ -116,12 +161,12 @@ impl Renderer {
         // The time of a picture includes the search for its tiles on the host.
         let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| host_ms), wall_ms: host_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
-        let mut first_row = 0;
-        while first_row < height {
+        let Range { start: mut first_row, end } = output.rows(height);
+        while first_row < end {
             let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
             // Each part of a picture would need a sweep of its own.
             let pixels = if caster.needs_sweeps() { u32::MAX } else { pixels };
-            let rows = pixels_to_rows(pixels, width).min(highest).min(height - first_row);
+            let rows = pixels_to_rows(pixels, width).min(highest).min(end - first_row);
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
                 _ => {

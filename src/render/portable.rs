@@ -5,7 +5,7 @@ use super::picture::NOT_STARTED;
 use super::plan::PictureTiles;
 use super::shader::{DEVICE_TILES, PICTURE_SIDE, background_shader};
 use super::{LightMaps, Renderer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::{DeferredPasses, DeviceTransfer, LoadedVolume};
 use crate::gpu::tuning::BLOCK_SIDE;
 use crate::gpu::{Group, ShaderVariant, StorageBuffer, uniform_buffer};
@@ -79,6 +79,10 @@ impl Renderer {
         shadows: impl Into<LightMaps<'a>>,
         scene: &Scene,
     ) -> Result<PortablePicture> {
+        if transfer.stream().is_some() {
+            let why = "its pages with extinction exceed the device memory, and a page holds all of them";
+            return Err(Error::input("cannot export", &loaded.volume.provenance.source, why));
+        }
         let shadows = shadows.into().checked(scene)?;
         let none = DeferredPasses::default();
         let (_, caster, _) = self.caster((loaded, transfer), shadows.maps(), scene, &none)?;

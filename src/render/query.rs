@@ -1,11 +1,13 @@
 //! Queries a shadow map for the transmittance from the light at points, by the same shader code as pictures.
 
 use super::Renderer;
+use super::caster::voxels_within;
 use super::pass::{each_section, section_groups, section_passes};
 use super::shader::CONSTANTS;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::{
-    DeviceTransfer, LoadedVolume, PageReach, PassRays, grid_from_world, line_of_workgroups, marches_samples,
+    DeviceTransfer, LoadedVolume, PageReach, PassRays, RESIDENT_VOXELS, grid_from_world, line_of_workgroups,
+    marches_samples,
 };
 use crate::gpu::{Group, Read, ShaderVariant, Slot, StorageBuffer};
 use crate::shadow::{Lookup, SECTION_BINDING, Section, ShadowMap};
@@ -36,6 +38,11 @@ impl Renderer {
             return Ok(vec![1.0; points_mm.len()]);
         };
         let gpu = self.gpu();
+        let farthest = voxels_within(&loaded.volume, shadow.light_space.near_mm);
+        if transfer.stream().is_some() && farthest > RESIDENT_VOXELS {
+            let why = format!("near= reaches over {farthest:.0} voxels, and blocks over {RESIDENT_VOXELS}");
+            return Err(Error::input("cannot query", shadow.method, why));
+        }
         let shader = transfer.prepared(gpu, shader(lookup))?;
         let grid_from_world = grid_from_world(&loaded.volume);
         let mut results = Vec::with_capacity(points_mm.len());

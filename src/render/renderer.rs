@@ -5,11 +5,13 @@ use super::plan::needs_shadows;
 use crate::error::Result;
 use crate::field::{
     BuildRecorder, DeferredPasses, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume,
-    RecordedBuild, TilePace, View,
+    RecordedBuild, TilePace, View, WorkShare,
 };
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{AmbientOcclusion, Light, LightSource, Scene};
-use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap, ambient_occlusion, mapped_lights};
+use crate::shadow::{
+    BuildContext, MapShare, Method, NoShadows, ShadowMap, ambient_occlusion, mapped_lights, merged_map,
+};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
@@ -114,6 +116,10 @@ impl Renderer {
     ) -> Result<(ShadowMap, RecordedBuild)> {
         // The first build finds the sizes of memory pools, so that the second runs each pass once.
         let light = LightSource::from(light);
+        let context = self.build_context((loaded, transfer), &light, None, (None, None), WorkShare::WHOLE);
+        if transfer.stream().is_some() {
+            return Err(context.not_by_blocks());
+        }
         self.build((loaded, transfer), method, &light, None, (None, Some(&BuildRecorder::default())))?;
         let recorder = BuildRecorder::default();
         let map = self.build((loaded, transfer), method, &light, None, (None, Some(&recorder)))?;
@@ -201,7 +207,8 @@ impl Renderer {
         occlusion: AmbientOcclusion,
     ) -> Result<Vec<(ShadowMap, f64)>> {
         let passes = (None, None);
-        ambient_occlusion(&self.build_context(field, &LightSource::default(), None, passes), occlusion)
+        let source = LightSource::default();
+        ambient_occlusion(&self.build_context(field, &source, None, passes, WorkShare::WHOLE), occlusion)
     }
 
     fn build_context<'a>(
@@ -210,6 +217,7 @@ impl Renderer {
         source: &'a LightSource,
         view: Option<&'a View>,
         (deferred, recorder): (Option<&'a DeferredPasses>, Option<&'a BuildRecorder>),
+        share: WorkShare,
     ) -> BuildContext<'a> {
         let LoadedVolume { volume, strands, node_pools, .. } = loaded;
         BuildContext {
@@ -224,6 +232,7 @@ impl Renderer {
             view,
             // Rays that wait for pages need several submissions.
             deferred: deferred.filter(|_| transfer.stream().is_none()),
+            share,
             recorder,
         }
     }
@@ -236,14 +245,23 @@ impl Renderer {
         view: Option<&View>,
         passes: (Option<&DeferredPasses>, Option<&BuildRecorder>),
     ) -> Result<ShadowMap> {
+        let context = self.build_context(field, source, view, passes, WorkShare::WHOLE);
+        self.build_in(&context, method, source)
+    }
+
+    fn build_in(
+        &self,
+        context: &BuildContext<'_>,
+        method: &dyn Method,
+        source: &LightSource,
+    ) -> Result<ShadowMap> {
         let start = Instant::now();
-        let transfer = field.1;
+        let transfer = context.transfer;
         let made_before = transfer.march_table().is_some();
-        let context = self.build_context(field, source, view, passes);
         if transfer.stream().is_some() && method.lookup().is_some_and(|lookup| lookup.marches()) {
             return Err(context.not_by_blocks());
         }
-        let mut map = method.build(&context)?;
+        let mut map = method.build(context)?;
         map.report.more_samples = source.sample_count() - 1;
         // Bounds are derived for extinction that depends on the value alone.
         map.bound = map.bound.filter(|_| !transfer.has_gradient_opacity);
@@ -251,6 +269,38 @@ impl Renderer {
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
         Ok(map)
+    }
+
+    /// Builds the share of a process in the shadow map of one light, for the picture of a scene. Other texels have no
+    /// shadow.
+    ///
+    /// # Errors
+    /// See [`Self::shadow`].
+    pub fn shadow_share(
+        &self,
+        field: (&LoadedVolume, &DeviceTransfer),
+        method: &dyn Method,
+        source: &LightSource,
+        view: Option<&View>,
+        share: WorkShare,
+    ) -> Result<ShadowMap> {
+        self.build_in(&self.build_context(field, source, view, (None, None), share), method, source)
+    }
+
+    /// Forms the deep shadow map of one light from the shares of all processes.
+    ///
+    /// # Errors
+    /// The method is not `dsm`, or the adapter cannot hold the map.
+    pub fn merged_shadow(
+        &self,
+        field: (&LoadedVolume, &DeviceTransfer),
+        method: &dyn Method,
+        source: &LightSource,
+        view: Option<&View>,
+        shares: &[MapShare],
+    ) -> Result<ShadowMap> {
+        let context = self.build_context(field, source, view, (None, None), WorkShare::WHOLE);
+        merged_map(&context, method, shares)
     }
 
     /// Builds the shadow maps of all lights of a scene that are not black ([`mapped_lights`]), in the order of the

@@ -55,7 +55,7 @@ pub use bom::BoundingOpacityMap;
 pub use bound::Bound;
 pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
-pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
+pub use dsm::{DeepShadowMap, MapShare, NodeMap, Precompress, merged_map, node_depths, node_map};
 pub use filter::{Filter, Taps};
 pub use fourier::{Damping, FourierOpacityMap, SeriesRange};
 pub use halfangle::{BetweenSlices, HalfAngle};

@@ -3,7 +3,7 @@
 
 use crate::pages::{Kind, assert_same, devices, limited, shell, waves};
 use crate::{extinction, volume_of};
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use std::sync::Arc;
 use umbravox::render::{DisabledOptimizations, Session};
@@ -62,6 +62,27 @@ fn methods_march_block_by_block() {
         "beer:map=48",
     ];
     assert_same(&volume, &both, &scene, &methods);
+}
+
+/// Two layers with a gap of more than a page: a light interval in front of the gap is lit before its pages make room.
+#[test]
+fn light_intervals_end_before_gaps() {
+    let value = |(k, j, i): (usize, usize, usize)| {
+        let layer = (20..23).contains(&k) || (170..174).contains(&k);
+        let noise = ((i * 7 + j * 13 + k * 29) % 17) as f32;
+        if layer { 300.0 + 10.0 * noise } else { noise }
+    };
+    let volume = Array3::from_shape_fn((200, 130, 130), value);
+    let volume = Arc::new(volume_of(volume.into(), DAffine3::IDENTITY));
+    let Some(both) = sessions(&volume, &shell(), 30) else { return };
+    let framing = Scene::framing(&volume);
+    let center = volume.center_mm();
+    let camera = Camera { eye: center + DVec3::new(20.0, -60.0, -300.0), ..framing.camera };
+    for step in [0.5, 2.0] {
+        let scene = Scene { width: 64, height: 64, camera, step, ..framing.clone() };
+        assert_same(&volume, &both, &scene, &["beer:map=64,near=4", "osm:map=64,near=8", "dsm:map=64"]);
+    }
+    assert!(blocks_loaded(&both[1]) > 20);
 }
 
 /// Cameras and lights inside and outside the volume, and several lights at once.
@@ -129,5 +150,7 @@ fn what_needs_the_whole_volume_is_refused() {
     }
     let far = session.shadow(shadow::parse("dsm:map=32,near=31").unwrap().as_ref(), scene.light()).unwrap();
     let refused = session.render(&far, &scene).err().unwrap();
-    assert!(refused.exit_status() == 2 && refused.why.contains("reach over 35 voxels"), "{refused}");
+    assert!(refused.exit_status() == 2 && refused.why.contains("reach over"), "{refused}");
+    let refused = session.renderer.portable(&session.loaded, &session.transfer, &far, &scene).err().unwrap();
+    assert!(refused.exit_status() == 2 && refused.why.contains("a page holds all"), "{refused}");
 }

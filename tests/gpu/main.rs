@@ -52,6 +52,7 @@ mod sat;
 #[path = "../common/attack/mod.rs"]
 mod scenes;
 mod shading;
+mod shares;
 mod soft_lights;
 mod strands;
 mod tolerance;

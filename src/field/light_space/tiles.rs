@@ -4,11 +4,12 @@ use super::LightSpace;
 use super::boxes::{GridBox, Region};
 use super::mapping::Projection;
 use crate::field::ActiveBricks;
-use crate::field::brick_runs::brick_box;
+use crate::field::brick_runs::{BrickRun, brick_box};
 use crate::field::constants::TILE;
 use crate::volume::Volume;
 use glam::{DVec2, IVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of bricks whose projections one task of a thread computes for a parallel light: each takes few operations.
 const PARALLEL_BRICKS: usize = 1 << 14;
@@ -74,6 +75,20 @@ impl TileSet {
         }
     }
 
+    /// Returns all tiles of the set, row by row.
+    pub fn iter(&self) -> impl Iterator<Item = [u32; 2]> {
+        let all = (0..self.across).flat_map(|y| (0..self.across).map(move |x| [x, y]));
+        all.filter(|tile| self.contains(*tile))
+    }
+
+    /// Returns the subset of the tiles with these positions in the order of rows.
+    pub(in crate::field) fn range(&self, positions: Range<usize>) -> Self {
+        let mut tiles = Self::empty(self.across);
+        let own = self.iter().skip(positions.start).take(positions.len());
+        own.for_each(|[x, y]| tiles.insert([x, x], [y, y]));
+        tiles
+    }
+
     fn union(mut self, other: &Self) -> Self {
         self.words.iter_mut().zip(&other.words).for_each(|(own, other)| *own |= other);
         self
@@ -105,6 +120,37 @@ impl LightSpace {
                 mark(tiles, Region { lo, hi });
             }
         })
+    }
+
+    /// Returns the number of active bricks (blocks of cells with extinction) over each tile of a set, row by row, as a
+    /// measure of the work of its light rays.
+    pub fn tile_weights(&self, volume: &Volume, active: &ActiveBricks, tiles: &TileSet) -> Vec<u64> {
+        let across = self.tiles_across() as usize;
+        if self.projection == Projection::Octahedral {
+            return vec![1; tiles.len() as usize];
+        }
+        let texels_of = self.texels_of_boxes();
+        let counted = |runs: &[BrickRun]| {
+            let mut counts = vec![0_u64; across * across];
+            for run in runs {
+                for x in run.x[0]..=run.x[1] {
+                    let brick = [x, run.y, run.z].map(|n| n as usize);
+                    let Region { lo, hi } = texels_of(GridBox::of_bricks(brick, brick, volume.dims()));
+                    let tile = |texel: f64| ((texel / f64::from(TILE)) as usize).min(across - 1);
+                    for y in tile(lo.y)..=tile(hi.y) {
+                        counts[y * across..][tile(lo.x)..=tile(hi.x)].iter_mut().for_each(|n| *n += 1);
+                    }
+                }
+            }
+            counts
+        };
+        let sum = |mut a: Vec<u64>, b: Vec<u64>| {
+            a.iter_mut().zip(b).for_each(|(own, other)| *own += other);
+            a
+        };
+        let none = || vec![0; across * across];
+        let counts = active.runs().par_chunks(PARALLEL_BRICKS).map(counted).reduce(none, sum);
+        tiles.iter().map(|[x, y]| counts[y as usize * across + x as usize]).collect()
     }
 
     /// Returns the margin around the projection of a brick, in texels: taps of the pre-filter, filters and rounding

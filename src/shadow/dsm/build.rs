@@ -1,5 +1,6 @@
 //! Build of a deep shadow map: parameters and counters of its passes, and the rows of curve nodes.
 
+use super::compact::MapNodes;
 use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_WIDTH_SHIFT, TILE_BLOCKS};
 use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
@@ -145,7 +146,7 @@ pub(super) fn with_reserve(share: f64, texels: u32) -> u32 {
 }
 
 impl DeepShadowMap {
-    fn params_on_device(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> DsmParams {
+    pub(super) fn params_on_device(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> DsmParams {
         let spacing = context.volume.min_spacing_mm();
         let steps_per_mm = f64::from(DEPTH_STEPS) / tiles.light_space.depth_range_mm();
         DsmParams {
@@ -175,8 +176,7 @@ impl DeepShadowMap {
         let known = context.node_pools.last_sizes(&key).map(|sizes| sizes.scaled(reserve));
         // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };
-        let tiles =
-            TileMarch::fit(context, self.fit.shape(self.map, self.filter, self.march(), self.near()))?;
+        let tiles = TileMarch::fit(context, self.map_shape())?;
         let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
         let hint = many.then_some(LOOP_LIMIT_HINT);
         let (label, shader) = ("deep shadow map build", self.build_shader());
@@ -191,17 +191,28 @@ impl DeepShadowMap {
         }
         let enclosure = self.build_enclosure(context, &tiles)?;
         enclosure.iter().for_each(|enclosure| report.add_enclosure(enclosure));
-        Ok(ShadowMap {
+        Ok(ShadowMap { enclosure, ..self.finished(context, tiles, nodes, report) })
+    }
+
+    /// Returns the shadow map of finished nodes, without enclosing curves.
+    pub(super) fn finished(
+        &self,
+        context: &BuildContext<'_>,
+        tiles: TileMarch<'_>,
+        nodes: MapNodes,
+        report: BuildReport,
+    ) -> ShadowMap {
+        ShadowMap {
             method: NAME,
             group: nodes.group(context, &tiles),
             lookup: self.lookup(),
             report,
             bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
-            enclosure,
+            enclosure: None,
             sections: None,
             _pool: Some(nodes.pool),
-        })
+        }
     }
 
     /// Marches all light rays, and stores the nodes of their compressed curves in rows.

@@ -7,7 +7,7 @@ use super::layout::{
 };
 use crate::error::Result;
 use crate::field::{BuildContext, NodePool, NodePoolSizes, TileMarch, line_of_workgroups};
-use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer};
+use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer, write_texels};
 use crate::shadow::bound::Bound;
 use crate::shadow::method::BuildReport;
 use std::sync::Arc;
@@ -26,6 +26,38 @@ pub(super) struct MapNodes {
 }
 
 impl MapNodes {
+    /// Uploads the quads of curve nodes of a map, and its blocks of texels with nodes: index, mask, and first head.
+    ///
+    /// # Errors
+    /// The adapter cannot hold the map.
+    pub(super) fn new(
+        context: &BuildContext<'_>,
+        (map, tiles): (&DeepShadowMap, &TileMarch<'_>),
+        quads: &[[u32; 4]],
+        entries: &[[u32; 3]],
+    ) -> Result<Self> {
+        let gpu = context.gpu();
+        let mut params = map.params_on_device(context, tiles);
+        let count = quads.len() as u32;
+        let pool = node_pool(context, count, width_shift(count))?;
+        (params.quads, params.quads_width_shift) = (pool.quads, pool.width_shift);
+        let width = 1_u32 << pool.width_shift;
+        let mut texels = quads.to_vec();
+        texels.resize(texels.len().next_multiple_of(width as usize), [0; 4]);
+        let lines = texels.len() as u32 / width;
+        write_texels(gpu, pool.view.texture(), [0; 3], [width, lines, 1], &texels);
+        let (directory, blocks) = directory(context, tiles)?;
+        let mut words = vec![[0_u32; 2]; (blocks[0] * blocks[1]) as usize];
+        for [index, mask, first] in entries {
+            if let Some(entry) = words.get_mut(*index as usize) {
+                *entry = [*mask, *first];
+            }
+        }
+        write_texels(gpu, directory.texture(), [0; 3], [blocks[0], blocks[1], 1], &words);
+        let device = Span { gpu_ms: None, wall_ms: 0.0 };
+        Ok(Self { pool, directory, blocks, params, counted: None, device })
+    }
+
     /// Adds the memory of the nodes and of the directory, and the duration of their passes, to the report of a build.
     pub(super) fn add_to(&self, report: &mut BuildReport) {
         let [columns, rows] = self.blocks.map(u64::from);
@@ -62,6 +94,13 @@ fn width_shift(quads: u32) -> u32 {
     quads.isqrt().next_power_of_two().ilog2().clamp(4, ROWS_WIDTH_SHIFT)
 }
 
+/// Creates the empty directory of a map. Returns it with its number of blocks of texels on each axis.
+fn directory(context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(wgpu::TextureView, [u32; 2])> {
+    let blocks = BLOCK.map(|texels| tiles.light_space.map_size.div_ceil(texels));
+    let view = store_texture(context.gpu(), "deep shadow map directory", DIRECTORY_FORMAT, blocks)?;
+    Ok((view, blocks))
+}
+
 impl DeepShadowMap {
     /// Copies the curve nodes of texels that have any from rows to memory without gaps.
     ///
@@ -84,9 +123,7 @@ impl DeepShadowMap {
             recorder.limit(rows.outputs.limit(pool.quads));
         }
         (params.quads, params.quads_width_shift) = (pool.quads, pool.width_shift);
-        let side = tiles.light_space.map_size;
-        let blocks = BLOCK.map(|texels| side.div_ceil(texels));
-        let directory = store_texture(gpu, "deep shadow map directory", DIRECTORY_FORMAT, blocks)?;
+        let (directory, blocks) = directory(context, tiles)?;
         let stage = [
             (0, Slot::words(&rows.outputs.rows.view)),
             (2, Slot::read_write(rows.outputs.counters.as_entire_binding())),

@@ -36,8 +36,10 @@ mod compact;
 mod count;
 mod enclosure;
 mod layout;
+mod share;
 
 pub use count::{NodeMap, node_depths, node_map};
+pub use share::{MapShare, merged_map};
 
 use layout::{DEPTH_STEPS, NAME, Side, UPRIGHT_STEPS, map_shader, rows_shader};
 
@@ -54,7 +56,7 @@ use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, GREEDY, MARCH_ERROR, march_bound};
 use crate::error::Result;
-use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, NodePools, Rounding};
+use crate::field::{BuildContext, DEPTH_SINK, LightSpace, MapShape, March, NodePools, Rounding};
 use crate::gpu::tuning::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 use crate::gpu::{Constant, ShaderVariant};
 
@@ -220,6 +222,11 @@ pub(super) static ENTRY: Entry = Entry {
 impl DeepShadowMap {
     fn march(&self) -> March {
         self.from.march(self.march, self.step)
+    }
+
+    /// Returns texels per side and covered region of the map, and the way in which its light rays are marched.
+    fn map_shape(&self) -> MapShape {
+        self.fit.shape(self.map, self.filter, self.march(), self.near())
     }
 
     /// Returns the length of the march before a query of the shadow map, in smallest voxel spacings. With up to four
