@@ -60,6 +60,8 @@ struct RayMarch {
     // taken before.
     missing: i32,
     steps_together: u32,
+    // Lattice coordinate of the farthest sample around which all pages are resident. The march may return to samples before.
+    resident_k: f32,
 #endif
 }
 
@@ -104,6 +106,10 @@ fn start_march(ray: Ray, iterations_a_sample: u32) -> RayMarch {
     march.k = floor(quotient(ray.start, ray.step_mm));
     march.steps_unskipped = STEPS_UNSKIPPED;
     march.marching = ray.start < ray.end;
+#ifdef RAY_STATES
+    march.missing = -1;
+    march.resident_k = -FAR;
+#endif
 #ifdef SURFACES
     march.before = FAR;
 #endif
@@ -163,12 +169,16 @@ const ONLY_SKIPS: i32 = 3;
 #endif
 
 // Returns the number of a page that the next step and the shading of its segment read and that is not resident, or -1.
-fn page_before_step(march: RayMarch, ray: Ray) -> i32 {
-    let ahead = sample_depth(ray, next_sample(march.k));
+fn page_before_step(march: ptr<function, RayMarch>, ray: Ray) -> i32 {
+    let next = next_sample((*march).k);
+    if next <= (*march).resident_k { return -1; }
+    let ahead = sample_depth(ray, next);
 #ifdef SKIP_BRICKS
-    if march.steps_unskipped == 0u && brick_distance_at(brick_at(ray, ahead)) > ONLY_SKIPS { return -1; }
+    if (*march).steps_unskipped == 0u && brick_distance_at(brick_at(ray, ahead)) > ONLY_SKIPS { return -1; }
 #endif
-    return missing_page(vec3<i32>(floor(ray.o + ahead * ray.d)), NEAR_MISSING);
+    let missing = missing_page(vec3<i32>(floor(ray.o + ahead * ray.d)), NEAR_MISSING);
+    (*march).resident_k = select((*march).resident_k, next, missing < 0);
+    return missing;
 }
 #endif
 
@@ -248,7 +258,7 @@ fn advance(march: ptr<function, RayMarch>, ray: Ray) {
     loop {
 #ifdef RAY_STATES
         if (*march).marching && !(*march).hit && !is_searching(*march) {
-            (*march).missing = page_before_step(*march, ray);
+            (*march).missing = page_before_step(march, ray);
             if (*march).missing >= 0 {
                 (*march).steps_together = steps;
                 break;

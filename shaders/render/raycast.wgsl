@@ -365,7 +365,6 @@ fn raycast(
     var known = KnownLight(-FAR, 1.0);
 #ifdef RAY_STATES
     if !select_ray(index) { return; }
-    march.missing = -1;
     if has_state() {
         color = picture[index].rgb;
         left = picture[index].a;

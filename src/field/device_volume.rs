@@ -215,7 +215,7 @@ impl DeviceVolume {
                 return Ok((Arc::new(pool), Residency::All(table)));
             }
         }
-        let sizes = std::iter::successors(Some(most.min(count)), |slots| Some(slots / 2));
+        let sizes = std::iter::successors(Some(most.min(count)), |slots| Some(slots * 7 / 8));
         for most in sizes.take_while(|slots| *slots > 0) {
             let made = without_errors(gpu, || PagePool::within(gpu, volume, self.packing, most))?;
             let Some(pool) = made.flatten().map(Arc::new) else { continue };
