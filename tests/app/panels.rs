@@ -147,6 +147,36 @@ fn flicker_alternates_two_pictures_without_drawing() {
     assert!(bench.app().model.split.share.is_some());
 }
 
+#[test]
+fn less_common_settings_of_a_method_are_folded_until_one_differs() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=dsm:map=64,epsilon=0.1"]) else {
+        return;
+    };
+    let shown = |bench: &Bench, setting: &str| bench.harness.query_by_label(setting).is_some();
+    for setting in ["method epsilon", "method map", "method near"] {
+        assert!(shown(&bench, setting), "{setting}");
+    }
+    assert!(!shown(&bench, "method offset") && !shown(&bench, "compress"));
+    bench.click("More");
+    bench.harness.run_steps(2);
+    assert!(shown(&bench, "method offset") && shown(&bench, "compress"));
+    bench.type_into("method offset", "0.5");
+    bench.settle();
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.1,map=64,offset=0.5");
+    // The title counts changed settings, also while they are folded.
+    bench.click("More (1 changed)");
+    bench.harness.run_steps(2);
+    assert!(!shown(&bench, "method offset") && shown(&bench, "More (1 changed)"));
+    // A method that comes with changed settings shows them.
+    bench.app().model.document.as_mut().unwrap().method = "bom:map=64,ratio=0.25,bits=16".parse().unwrap();
+    bench.settle();
+    bench.harness.run_steps(2);
+    assert!(shown(&bench, "method ratio") && shown(&bench, "More (2 changed)"));
+    bench.app().model.document.as_mut().unwrap().method = "none".parse().unwrap();
+    bench.settle();
+    assert!(bench.harness.query_by_label_contains("More").is_none(), "it has no settings");
+}
+
 /// Asserts that every widget in the side panel lies within it.
 fn nothing_is_cut(bench: &Bench, what: &str) {
     let view = bench.harness.state().model.view.unwrap();

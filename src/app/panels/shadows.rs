@@ -5,6 +5,7 @@ use super::widgets::{error_label, property};
 use crate::app::model::Model;
 use crate::app::split::RATES_HZ;
 use crate::engine::messages::MethodFrame;
+use crate::error::Error;
 use crate::shadow::{Key, Kind, METHODS, MethodSpec};
 use eframe::egui;
 
@@ -14,6 +15,9 @@ const BUTTONS_WIDTH: f32 = 122.0;
 const MAX_BUTTONS: usize = 4;
 /// Largest number of letters on the buttons of one setting.
 const MAX_LETTERS: usize = 22;
+
+/// Settings that are shown before the others, beside the first one of a shadow method, such as `epsilon` or `layers`.
+const SHOWN_FIRST: [&str; 2] = ["map", "near"];
 
 /// Shows the shadow section of the side panel: shadow method, settings and build report.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
@@ -96,8 +100,53 @@ fn method_editor(ui: &mut egui::Ui, name: &str, spec: &mut MethodSpec) {
     let entry = spec.entry();
     ui.add(egui::Label::new(egui::RichText::new(entry.summary).weak().small()).wrap());
     let mut invalid = None;
-    egui::Grid::new((name, entry.name)).num_columns(2).show(ui, |ui| {
-        for (key, value) in spec.clone().settings() {
+    let (first, more): (Vec<_>, Vec<_>) =
+        entry.keys.iter().enumerate().partition(|(at, key)| *at == 0 || SHOWN_FIRST.contains(&key.name));
+    let [first, more] = [first, more].map(|keys| keys.into_iter().map(|(_, key)| key).collect::<Vec<_>>());
+    settings_grid(ui, name, spec, &first, &mut invalid);
+    if !more.is_empty() {
+        more_settings(ui, name, spec, &more, &mut invalid);
+    }
+    if let Some(e) = invalid {
+        error_label(ui, &e);
+    }
+}
+
+/// Shows the less common settings of a shadow method, folded until the user opens them. They open by themselves when one
+/// of them is no longer at its default, such as with a method from a scene file.
+fn more_settings(
+    ui: &mut egui::Ui,
+    name: &str,
+    spec: &mut MethodSpec,
+    keys: &[&Key],
+    invalid: &mut Option<Error>,
+) {
+    let is_changed =
+        |key: &&&Key| spec.value(key.name).is_some_and(|value| Some(value) != key.parse(key.default));
+    let changed = keys.iter().filter(is_changed).count();
+    let title = if changed == 0 { "More".to_owned() } else { format!("More ({changed} changed)") };
+    let id = ui.scope_id().with((name, spec.entry().name, "more"));
+    let was_changed = ui.data(|d| d.get_temp::<bool>(id)).unwrap_or(false);
+    ui.data_mut(|d| d.insert_temp(id, changed > 0));
+    let opened = (changed > 0 && !was_changed).then_some(true);
+    let header = egui::CollapsingHeader::new(title).id_salt(id).open(opened);
+    let response = header.show_unindented(ui, |ui| settings_grid(ui, name, spec, keys, invalid));
+    response.header_response.on_hover_text("Other settings of this shadow method");
+}
+
+/// Shows some settings of a shadow method, a row each. An invalid text is reported in `invalid` and changes nothing.
+fn settings_grid(
+    ui: &mut egui::Ui,
+    name: &str,
+    spec: &mut MethodSpec,
+    keys: &[&Key],
+    invalid: &mut Option<Error>,
+) {
+    let entry = spec.entry();
+    let first = keys.first().map(|key| key.name);
+    egui::Grid::new((name, entry.name, first)).num_columns(2).show(ui, |ui| {
+        for key in keys {
+            let Some(value) = spec.value(key.name) else { continue };
             ui.label(key.name).on_hover_text(format!("{} [default: {}]", key.help, key.default));
             // A typed text stays as it is, valid or not, until the value changes elsewhere.
             let id = ui.scope_id().with((name, entry.name, key.name));
@@ -107,16 +156,13 @@ fn method_editor(ui: &mut egui::Ui, name: &str, spec: &mut MethodSpec) {
             setting(ui, name, key, &mut text);
             match spec.clone().with(key.name, text.trim()) {
                 Some(changed) => *spec = changed,
-                None => invalid = format!("{}:{}={text}", entry.name, key.name).parse::<MethodSpec>().err(),
+                None => *invalid = format!("{}:{}={text}", entry.name, key.name).parse::<MethodSpec>().err(),
             }
             let now = spec.value(key.name).unwrap_or(value).to_string();
             ui.data_mut(|d| d.insert_temp(id, (text, now)));
             ui.end_row();
         }
     });
-    if let Some(e) = invalid {
-        error_label(ui, &e);
-    }
 }
 
 /// Shows the control for one setting of a shadow method: buttons or a list for named values, or else a text field.
