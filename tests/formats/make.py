@@ -482,7 +482,12 @@ def dicom_segmentations():
         for key, value in values.items():
             setattr(own, key, value)
         return Sequence([own])
-    ds.SegmentSequence = Sequence([item(SegmentNumber=n, SegmentLabel=name)[0] for n, name in [(1, "Left lung"), (2, "Rib")]])
+    # Red and blue of sRGB in CIE L*a*b* with the white D50 (brucelindbloom.com), encoded as PS3.3 C.10.7.1.1 says.
+    colors = {1: (54.2905, 80.8049, 69.8910), 2: (29.5683, 68.2874, -112.0297)}
+    ds.SegmentSequence = Sequence([item(
+        SegmentNumber=n, SegmentLabel=name,
+        RecommendedDisplayCIELabValue=[round(v * 65535) for v in (l / 100, (a + 128) / 255, (b + 128) / 255)])[0]
+        for n, name, (l, a, b) in [(1, "Left lung", colors[1]), (2, "Rib", colors[2])]])
     ds.SharedFunctionalGroupsSequence = item(
         PlaneOrientationSequence=item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]),
         PixelMeasuresSequence=item(PixelSpacing=[0.8, 0.7], SliceThickness=2.5))
@@ -495,6 +500,19 @@ def dicom_segmentations():
     ds.save_as(path, enforce_file_format=True)
     assert (np.concatenate([f.ravel() for f in pydicom.dcmread(path).pixel_array]) == bits).all()
     say("dicom_segments.dcm", "definition", affine, values, warning="belong to several segments")
+
+    # A label map of 16 bits, compressed as RLE; slice 2 is empty and has no frame.
+    values[0, 0, 3] = 300
+    own = ds.PerFrameFunctionalGroupsSequence
+    ds.PerFrameFunctionalGroupsSequence = Sequence([own[0], own[2], own[3]])
+    for frame in ds.PerFrameFunctionalGroupsSequence:
+        del frame.SegmentIdentificationSequence
+    ds.BitsAllocated, ds.BitsStored, ds.HighBit, ds.NumberOfFrames, ds.SegmentationType = 16, 16, 15, 3, "LABELMAP"
+    ds.SegmentSequence[1].SegmentNumber = 300
+    del ds.SegmentSequence[1].RecommendedDisplayCIELabValue
+    ds.compress(RLELossless, np.stack([values[:, :, k].T for k in (0, 1, 3)]).astype("uint16"))
+    ds.save_as(OUT / "dicom_labelmap.dcm", enforce_file_format=True)
+    say("dicom_labelmap.dcm", "definition", affine, values)
 
 
 # --- OME-Zarr, by ome-zarr and zarr ----------------------------------------------------------------------------------

@@ -55,10 +55,17 @@ impl DataSet {
         levels.into_iter().flatten().find(|attributes| attributes.has(tag))
     }
 
-    /// Whether a DICOM file is a segmentation of one bit a pixel.
+    /// Whether a DICOM file is a segmentation whose pixels are masks of one bit or segment numbers (label map). In other
+    /// segmentations a pixel has the fraction that a segment occupies.
     pub(super) fn is_segmentation(&self) -> bool {
-        let is_of_bits = self.root.integer(tags::BITS_ALLOCATED) == Some(1);
-        is_of_bits && self.root.text(tags::MODALITY).as_deref() == Some("SEG")
+        let is_binary = self.root.integer(tags::BITS_ALLOCATED) == Some(1);
+        let is_seg = self.root.text(tags::MODALITY).as_deref() == Some("SEG");
+        is_seg && (is_binary || self.is_label_map())
+    }
+
+    /// Whether the pixels of a DICOM segmentation are segment numbers (SegmentationType LABELMAP).
+    pub(super) fn is_label_map(&self) -> bool {
+        self.root.text(tags::SEGMENTATION_TYPE).as_deref() == Some("LABELMAP")
     }
 
     /// Reads a byte range of a DICOM file, or of its inflated data set.

@@ -67,7 +67,7 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads the attributes of a DICOM file if it is a segmentation of one bit a pixel.
+/// Reads the attributes of a DICOM file if it is a segmentation of masks or segment numbers.
 fn segmentation_of(path: &Path) -> Option<DataSet> {
     if path.is_dir() {
         return None;

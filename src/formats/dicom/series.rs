@@ -128,7 +128,7 @@ pub(super) enum Refused {
 }
 
 impl Refused {
-    fn why(self) -> String {
+    pub(super) fn why(self) -> String {
         let (Self::NoScalars(why) | Self::Damaged(why)) = self;
         why
     }
@@ -154,6 +154,23 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
             "it is a segmentation (SEG), which is read as a file of its own".into(),
         ));
     }
+    let layout = layout(&set)?;
+    let frames = match set.root.integer(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
+        0 => 1,
+        n if (1..=MAX_FRAMES as i64).contains(&n) => n as usize,
+        n => return Err(format!("it has {n} frames").into()),
+    };
+    if frames == 1 {
+        set.inflated = None;
+    }
+    Ok(Image { path: path.into(), set, layout, frames })
+}
+
+/// Reads the pixel format of a DICOM image.
+///
+/// # Errors
+/// The pixels are no scalars, or the attributes contradict each other.
+pub(super) fn layout(set: &DataSet) -> Result<Layout, Refused> {
     let integer = |tag| set.root.integer(tag);
     let needed = |tag| integer(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
     let size = |tag| match needed(tag)? {
@@ -173,7 +190,7 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
     if !(1..=i64::from(allocated)).contains(&stored) || !(stored - 1..allocated.into()).contains(&high) {
         return Err(format!("it stores {stored} bits up to bit {high} in pixels of {allocated}").into());
     }
-    let layout = Layout {
+    Ok(Layout {
         rows: size(tags::ROWS)?,
         columns: size(tags::COLUMNS)?,
         allocated,
@@ -181,16 +198,7 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
         high: high as u32,
         is_signed: integer(tags::PIXEL_REPRESENTATION) == Some(1),
         is_float: set.has_floats,
-    };
-    let frames = match integer(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
-        0 => 1,
-        n if (1..=MAX_FRAMES as i64).contains(&n) => n as usize,
-        n => return Err(format!("it has {n} frames").into()),
-    };
-    if frames == 1 {
-        set.inflated = None;
-    }
-    Ok(Image { path: path.into(), set, layout, frames })
+    })
 }
 
 fn key(image: &Image) -> Key {

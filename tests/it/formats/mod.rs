@@ -4,6 +4,7 @@
 
 mod out_of_core;
 mod round_trip;
+mod segmentations;
 
 use crate::common;
 use serde::Deserialize;
