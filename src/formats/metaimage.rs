@@ -103,6 +103,7 @@ fn description(fields: &Fields) -> Result<Description, String> {
         scaling,
         affine,
         segments: Vec::new(),
+        layers: None,
         warnings,
     })
 }

@@ -16,6 +16,7 @@ pub mod nrrd;
 mod numbers;
 pub mod raw;
 mod raw_layout;
+mod slicer_segments;
 mod source;
 mod text_header;
 mod text_numbers;

@@ -7,13 +7,13 @@
 use super::common::{affine, mm_of, numbers};
 use super::data_files::{DataFiles, Encoding, is_list, named_files};
 use super::head::Head;
+use super::slicer_segments::{SegmentLayers, named_segments};
 use super::source::Block;
 use super::text_header::{Description, Fields, Lines, TextFormat, grid, unreadable};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Segment, Volume};
+use crate::volume::{AffineSource, ByteOrder, Element, Scaling, Volume};
 use glam::{DAffine3, DVec3};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// File extensions of the NRRD format.
@@ -23,6 +23,9 @@ const MAGIC: &[u8] = b"NRRD000";
 
 /// Names of the header field in which an NRRD header lists its separate data files.
 const DATA_FILE: &[&str] = &["data file", "datafile"];
+
+/// First letters of the header fields in which 3D Slicer describes segments: `Segment0_Name:=liver`.
+const SEGMENT: &str = "segment";
 
 /// Whether a file is an NRRD volume.
 pub fn is_nrrd(head: &Head) -> bool {
@@ -73,7 +76,7 @@ fn fields(lines: &mut Lines<'_, '_>) -> Result<Fields, String> {
 
 fn description(fields: &Fields) -> Result<Description, String> {
     let axes = Axes::new(fields)?;
-    let (dims, frames) = grid(&axes.sizes)?;
+    let (mut dims, frames) = grid(&axes.sizes)?;
     let mut warnings = Vec::new();
     let affine = axes.affine(fields, &mut warnings)?;
     let name = fields.required(&["type"])?.to_lowercase();
@@ -84,48 +87,32 @@ fn description(fields: &Fields) -> Result<Description, String> {
         Some("little") | None => ByteOrder::Little,
         Some(other) => return Err(unreadable("endian", other)),
     };
-    let block = Block { dims, element, byte_order, offset: 0, frame: 0 };
-    Ok(Description {
-        block,
-        frames,
-        scaling: Scaling::IDENTITY,
-        affine,
-        segments: segments(fields),
-        warnings,
-    })
-}
-
-/// Returns the named segments of a segmentation by 3D Slicer (`Segment0_Name:=liver`, `Segment0_LabelValue:=1`), in the
-/// order of their numbers. Segments without name or label value are left out.
-fn segments(fields: &Fields) -> Vec<Segment> {
-    let mut numbered: BTreeMap<u32, [Option<&str>; 3]> = BTreeMap::new();
-    for (key, value) in fields.with_prefix("segment") {
-        let Some((number, key)) = key.split_once('_') else { continue };
-        let keys = ["labelvalue:=", "name:=", "color:="];
-        if let (Ok(number), Some(at)) = (number.parse(), keys.iter().position(|known| *known == key)) {
-            numbered.entry(number).or_default()[at] = Some(value);
-        }
-    }
-    let segment = |[label, name, color]: [Option<&str>; 3]| {
-        let color = color.and_then(numbers).and_then(|all| <[f64; 3]>::try_from(all).ok());
-        let color = color.map(|color| color.map(|c| c.clamp(0.0, 1.0) as f32));
-        Some(Segment { label: label?.parse().ok()?, name: name?.to_owned(), color })
+    let layers = axes.layers(fields)?;
+    let segments = match &layers {
+        Some(layers) => layers.segments.clone(),
+        None => named_segments(fields.with_prefix(SEGMENT)),
     };
-    numbered.into_values().filter_map(segment).collect()
+    if let Some(SegmentLayers { count, .. }) = &layers {
+        dims[0] = dims[0].checked_mul(*count).ok_or("more voxels than can be counted")?;
+    }
+    let block = Block { dims, element, byte_order, offset: 0, frame: 0 };
+    Ok(Description { block, frames, scaling: Scaling::IDENTITY, affine, segments, layers, warnings })
 }
 
 /// Spatial and frame axes of an NRRD array, without the leading axes that hold the components of a voxel.
 struct Axes {
     sizes: Vec<usize>,
-    /// Number of leading NRRD axes that hold the components of a voxel; each of them must have size 1.
+    /// Number of leading NRRD axes that hold the components of a voxel.
     first: usize,
+    /// Number of components of a voxel: 1, or the number of layers of overlapping segments.
+    components: usize,
 }
 
 impl Axes {
     /// Finds the spatial and frame axes of an NRRD header.
     ///
     /// # Errors
-    /// The NRRD voxels are colours or vectors, or the sizes contradict the dimension.
+    /// The sizes contradict the dimension.
     fn new(fields: &Fields) -> Result<Self, String> {
         let sizes = fields.sizes(&["sizes"])?;
         let dimension = fields.sizes(&["dimension"])?;
@@ -144,15 +131,26 @@ impl Axes {
         };
         // Axes before the spatial ones hold the values of a voxel.
         let first = (0..sizes.len()).take_while(|&axis| !is_spatial(axis)).count();
-        if let Some(&several) = sizes[..first].iter().find(|&&n| n > 1) {
-            return Err(format!("it has {several} numbers at each voxel; scalars are needed"));
-        }
+        let components = sizes[..first].iter().try_fold(1usize, |all, n| all.checked_mul(*n));
+        let components = components.ok_or("more numbers at each voxel than can be counted")?;
         let mut sizes = sizes[first..].to_vec();
         // The third axis of planar images holds frames.
         if sizes.len() > 2 && !is_spatial(first + 2) {
             sizes.insert(2, 1);
         }
-        Ok(Self { sizes, first })
+        Ok(Self { sizes, first, components })
+    }
+
+    /// Returns the layers of overlapping segments, whose numbers are the components of a voxel; `None` for scalars.
+    ///
+    /// # Errors
+    /// The components are colours or vectors.
+    fn layers(&self, fields: &Fields) -> Result<Option<SegmentLayers>, String> {
+        if self.components == 1 {
+            return Ok(None);
+        }
+        let refusal = || format!("it has {} numbers at each voxel; scalars are needed", self.components);
+        SegmentLayers::new(fields.with_prefix(SEGMENT), self.components).map(Some).ok_or_else(refusal)
     }
 
     fn affine(

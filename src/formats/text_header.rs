@@ -3,6 +3,7 @@
 
 use super::common::{frame_warning, numbers, refusal, with_integer_warning};
 use super::data_files::DataFiles;
+use super::slicer_segments::SegmentLayers;
 use super::source::{Block, Source};
 use crate::error::Result;
 use crate::files::loading::Loading;
@@ -33,6 +34,8 @@ pub(super) struct Description {
     pub(super) scaling: Scaling,
     pub(super) affine: (DAffine3, AffineSource),
     pub(super) segments: Vec<Segment>,
+    /// Layers of overlapping segments. The voxel block then has one column for each voxel and layer.
+    pub(super) layers: Option<SegmentLayers>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -44,11 +47,18 @@ impl TextFormat {
         let is_gzipped = source.is_compressed();
         let (fields, header_bytes) = self.header(&mut source).map_err(&refuse)?;
         drop(source);
-        let Description { block, frames, scaling, affine, segments, mut warnings } =
+        let Description { block, frames, scaling, affine, segments, layers, mut warnings } =
             (self.description)(&fields).map_err(&refuse)?;
         warnings.splice(0..0, frame_warning(path, frame, frames)?);
         let data = (self.data)(&fields, path, header_bytes, is_gzipped).map_err(&refuse)?;
-        let storage = data.open(&Block { frame, ..block }, frames, loading)?;
+        if layers.is_some() && loading.is_reducing() {
+            return Err(refuse("its segments overlap (layers), so that it cannot be downsampled".into()));
+        }
+        let mut storage = data.open(&Block { frame, ..block }, frames, loading)?;
+        if let Some(layers) = &layers {
+            let [nx, ny, nz] = block.dims;
+            storage = layers.merge(storage, [nx / layers.count, ny, nz], &mut warnings).map_err(&refuse)?;
+        }
         let (world_from_index, affine_source) = affine;
         let provenance = Provenance {
             affine_source,
