@@ -3,7 +3,7 @@
 use super::console::{StepDisplay, load_scene};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
-use super::table_flags::TableFlags;
+use super::table_flags::{Earlier, TableFlags, cannot_resume};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::measure::facts::Facts;
@@ -12,7 +12,7 @@ use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{TriedOn, counts, markdown};
-use crate::replication::claims::{Claim, Row, all, find_paper, run as run_claims, scene_names};
+use crate::replication::claims::{Claim, Row, all, find_paper, run as run_claims, scene_names, unrequested};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -62,41 +62,39 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
     let renderer = args.table.open()?;
+    let effort = Effort { repeats: args.repeats as usize, ..EFFORT };
+    let conditions = Facts::of(renderer.gpu()).conditions();
+    let made_by = format!("{conditions}; times are medians of {}.", effort.repeats);
+    let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
+    let tried =
+        scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
+    let earlier = args.table.earlier("claims", &made_by)?;
+    check_earlier(&earlier, (&claims, &names), &tried)
+        .map_err(|why| cannot_resume(args.table.output.join("claims.csv").display(), why))?;
     let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("verdicts on finished scenes are written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
-    let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
         let loaded = load_scene(&settings_of(name, &given)?)?;
         let subject = Subject { volume: loaded.volume, tf: loaded.tf, scene: loaded.scene };
         Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
     };
-    let effort = Effort { repeats: args.repeats as usize, ..EFFORT };
-    let (rows, outcome) = run_claims(&renderer, &claims, &names, &mut read, effort, &mut progress);
+    let (rows, outcome) =
+        run_claims(&renderer, &claims, &names, &earlier.rows, &mut read, effort, &mut progress);
     drop(progress);
     bar.finish_and_clear();
     let is_interrupted = outcome.as_ref().is_err_and(Error::is_cancelled);
     if !is_interrupted {
         outcome?;
     }
-
-    let facts = Facts::of(renderer.gpu());
-    let made_by = format!(
-        "Adapter {} ({}), {} threads, {} build, revision {}; times are medians of {}.",
-        facts.adapter, facts.driver, facts.threads, facts.profile, facts.revision, effort.repeats
-    );
-    let tried =
-        scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
     args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))?;
     if is_interrupted { Err(interrupted(args, &claims, &names, &rows)) } else { Ok(()) }
 }
 
 /// Error that ends an interrupted test of claims: states on which scenes claims were tested, and which are missing.
 fn interrupted(args: &ClaimsArgs, claims: &[Claim], given: &[String], rows: &[Row]) -> Error {
-    // The column `scene` has the name of the scene, then its variant.
-    let has_rows = |name: &str| rows.iter().any(|r| r.scene.split(" (").next() == Some(name));
     let (done, missing): (Vec<_>, Vec<_>) =
-        scene_names(claims, given).into_iter().partition(|name| has_rows(name));
+        scene_names(claims, given).into_iter().partition(|name| has_rows(rows, name));
     let why = format!(
         "claims are tested on {} of {} scenes, and their rows are written; not on {}",
         done.len(),
@@ -104,7 +102,30 @@ fn interrupted(args: &ClaimsArgs, claims: &[Claim], given: &[String], rows: &[Ro
         missing.join(", ")
     );
     Error::runtime("interrupted", args.table.output.display(), why)
-        .hint("--paper NAME tests the claims of one paper, which takes less time")
+        .hint("the same command line with --resume tests them on the others")
+}
+
+/// Fails if an earlier table has a row that is not requested, or was measured on another scene of the same name.
+fn check_earlier(
+    earlier: &Earlier<Row>,
+    (claims, given): (&[Claim], &[String]),
+    tried: &[TriedOn],
+) -> Result<(), String> {
+    if let Some(Row { paper, place, scene, .. }) = unrequested(claims, given, &earlier.rows) {
+        let on = if scene.is_empty() { String::new() } else { format!(" on {scene}") };
+        return Err(format!("{place} of {paper}{on} is among its rows and not requested"));
+    }
+    let is_changed =
+        |scene: &&TriedOn| has_rows(&earlier.rows, &scene.name) && !earlier.page.contains(&scene.markdown());
+    match tried.iter().find(is_changed) {
+        Some(scene) => Err(format!("the scene {} has changed", scene.name)),
+        None => Ok(()),
+    }
+}
+
+/// Whether a table has rows of the scene with this name. The column `scene` has the name, then the variant.
+fn has_rows(rows: &[Row], name: &str) -> bool {
+    rows.iter().any(|r| r.scene.split(" (").next() == Some(name))
 }
 
 /// Reads scene files and names each by its file name without extension. Fails if two names are equal.

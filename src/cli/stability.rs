@@ -3,11 +3,12 @@
 use super::console::StepDisplay;
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
-use super::table_flags::TableFlags;
+use super::table_flags::{TableFlags, cannot_resume};
 use crate::error::{Error, Result};
+use crate::measure::facts::Facts;
 use crate::measure::progress::Progress;
-use crate::replication::stability::table::{counted, markdown};
-use crate::replication::stability::{Case, Row, Status, all, run as run_cases};
+use crate::replication::stability::table::{counted, finished, markdown};
+use crate::replication::stability::{Case, Row, Status, all, planned, run as run_cases};
 use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
 
@@ -35,11 +36,16 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
     args.table.check("stability")?;
+    let planned = cases.iter().map(|case| planned(&methods, case)).collect::<Result<Vec<_>>>()?;
     let renderer = args.table.open()?;
+    let conditions = Facts::of(renderer.gpu()).conditions() + ".";
+    let earlier = args.table.earlier("stability", &conditions)?;
+    let refuse = |why| cannot_resume(args.table.output.join("stability.csv").display(), why);
+    let finished = finished(&planned, &earlier.rows).map_err(refuse)?;
     let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("rows of finished cases are written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
-    let (rows, outcome) = run_cases(&renderer, &methods, &cases, &mut progress);
+    let (rows, outcome) = run_cases(&renderer, &methods, &cases, finished, &mut progress);
     drop(progress);
     bar.finish_and_clear();
     let is_interrupted = outcome.as_ref().is_err_and(Error::is_cancelled);
@@ -49,22 +55,22 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         return Err(Error::runtime("interrupted", args.table.output.display(), "no case is finished"));
     }
     let summary = markdown(&rows);
-    args.table.write("stability", &rows, &summary, &summary)?;
+    args.table.write("stability", &rows, &format!("{conditions}\n\n{summary}"), &summary)?;
     if is_interrupted {
-        return Err(interrupted(args, &cases, &rows));
+        return Err(interrupted(args, &planned, &rows));
     }
     verdict(&rows, &args.table.output.join("stability.csv").display())
 }
 
 /// Error that ends an interrupted stability test: states how many cases are in the table, and which are missing.
-fn interrupted(args: &StabilityArgs, cases: &[&Case], rows: &[Row]) -> Error {
-    // A case without rows may have no method to which it applies; to test it again takes no time.
-    let last = rows.last().map(|row| row.case.as_str());
-    let done = cases.iter().position(|case| Some(case.name.as_str()) == last).map_or(0, |at| at + 1);
-    let missing: Vec<_> = cases[done..].iter().map(|case| case.name.as_str()).collect();
-    let why = format!("{done} of {} cases are tested, and their rows are written", cases.len());
+fn interrupted(args: &StabilityArgs, planned: &[Vec<Row>], rows: &[Row]) -> Error {
+    // A case that applies to no method has no rows.
+    let cases = planned.iter().filter_map(|rows| Some(rows.first()?.case.as_str()));
+    let (done, missing): (Vec<_>, Vec<_>) = cases.partition(|case| rows.iter().any(|row| row.case == *case));
+    let all = done.len() + missing.len();
+    let why = format!("{} of {all} cases are tested, and their rows are written", done.len());
     Error::runtime("interrupted", args.table.output.display(), why)
-        .hint(format!("test the others in a folder of their own: --case {}", missing.join(",")))
+        .hint(format!("the same command line with --resume tests the others: {}", missing.join(", ")))
 }
 
 /// Selects cases of the stability test by name, in the order of the full list of cases. Selects all if no name is

@@ -1,13 +1,15 @@
 //! Flags of the commands that write one table of results: `claims` and `stability`.
 
 use super::console::{print_message, print_result};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::render::Renderer;
 use crate::report::writers::{csv, json};
 use clap::Args;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -20,6 +22,9 @@ pub struct TableFlags {
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Resume an interrupted run of the same settings in DIR
+    #[arg(long, conflicts_with = "overwrite")]
+    pub resume: bool,
     /// Overwrite the table of an earlier run in DIR
     #[arg(long)]
     pub overwrite: bool,
@@ -28,15 +33,57 @@ pub struct TableFlags {
     pub json: bool,
 }
 
+/// Table of an earlier run, with its Markdown page.
+pub struct Earlier<R> {
+    pub rows: Vec<R>,
+    pub page: String,
+}
+
+/// Error of a table that `--resume` cannot continue.
+pub fn cannot_resume(place: impl fmt::Display, why: impl fmt::Display) -> Error {
+    Error::input("cannot resume", place, why).hint(
+        "--resume needs the command line of the earlier run; --overwrite starts anew, or give another folder",
+    )
+}
+
 impl TableFlags {
-    /// Fails if the output folder cannot be used, or if it holds an earlier table of this name and `--overwrite` is
-    /// not set.
+    /// Fails if the output folder cannot be used, or if it holds an earlier table of this name and neither `--overwrite`
+    /// nor `--resume` is set.
     ///
     /// # Errors
     /// The folder cannot be used, or an earlier table is there.
     pub fn check(&self, name: &str) -> Result<()> {
         check_output_dir(&self.output)?;
-        if self.overwrite { Ok(()) } else { check_no_table(&self.output, &format!("{name}.csv")) }
+        if self.overwrite || self.resume {
+            return Ok(());
+        }
+        check_no_table(&self.output, &format!("{name}.csv"))
+    }
+
+    /// Reads the table of an earlier run for `--resume`; empty without that flag, or if the folder has no table.
+    /// `conditions` is the line of the Markdown page with the conditions of this run.
+    ///
+    /// # Errors
+    /// The table cannot be read, or it was measured under other conditions.
+    pub fn earlier<R: DeserializeOwned>(&self, name: &str, conditions: &str) -> Result<Earlier<R>> {
+        let [table, page] = ["csv", "md"].map(|ending| self.output.join(format!("{name}.{ending}")));
+        if !self.resume || !table.exists() {
+            return Ok(Earlier { rows: Vec::new(), page: String::new() });
+        }
+        let text = std::fs::read_to_string(&page).map_err(|e| cannot_resume(page.display(), e))?;
+        if !text.lines().any(|line| line == conditions) {
+            let found =
+                text.lines().find(|line| line.starts_with("Adapter ")).unwrap_or("unknown conditions");
+            return Err(cannot_resume(
+                page.display(),
+                format!("it was measured with: {found} Now: {conditions}"),
+            ));
+        }
+        let refuse = |e: csv::Error| cannot_resume(table.display(), e);
+        let mut reader = csv::Reader::from_path(&table).map_err(refuse)?;
+        let rows = reader.deserialize().collect::<Result<Vec<R>, _>>().map_err(refuse)?;
+        print_message("note", &format_args!("{} holds {} rows", table.display(), rows.len()));
+        Ok(Earlier { rows, page: text })
     }
 
     /// Opens the graphics device, and only then creates the output folder. If the device cannot be opened, no empty

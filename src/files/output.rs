@@ -205,7 +205,7 @@ pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     if std::fs::metadata(folder.join(file)).is_ok_and(|m| m.len() > 0) {
         let why = format!("it holds {file} already");
         return Err(Error::input("cannot write table", folder.display(), why)
-            .hint("--overwrite writes it anew, or give another folder"));
+            .hint("--resume continues it, --overwrite writes it anew, or give another folder"));
     }
     Ok(())
 }

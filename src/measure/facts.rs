@@ -43,6 +43,14 @@ impl Facts {
         }
     }
 
+    /// Returns the conditions of a measurement in one line: adapter, driver, threads, build profile and revision.
+    pub fn conditions(&self) -> String {
+        format!(
+            "Adapter {} ({}), {} threads, {} build, revision {}",
+            self.adapter, self.driver, self.threads, self.profile, self.revision
+        )
+    }
+
     /// Creates a comparison table row for a shadow method, without measured values.
     pub fn row(&self, scene_name: &str, [width, height]: [u32; 2], method: &dyn Method) -> Row {
         Row {

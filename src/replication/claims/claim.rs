@@ -10,7 +10,8 @@ use super::rules::Holds;
 use super::scenes::Variant;
 use crate::error::{Error, Result};
 use crate::report::number::significant;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 
@@ -223,7 +224,7 @@ pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
 }
 
 /// Row of `claims.csv`: a claim of a paper with the result of its test on one scene. The fields are the columns.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Citation of the paper that makes the claim.
     pub paper: String,
@@ -235,7 +236,7 @@ pub struct Row {
     /// Number or comparison that the paper gives in its claim.
     pub claimed: String,
     /// Measured numbers that determine the verdict on the paper's claim, the decisive one first.
-    #[serde(serialize_with = "serialize_figures")]
+    #[serde(serialize_with = "serialize_figures", deserialize_with = "deserialize_figures")]
     pub measured: Vec<Figure>,
     /// Verdict on the claim of the paper: whether it holds.
     pub holds: Holds,
@@ -253,6 +254,20 @@ pub(super) fn figures_text(figures: &[Figure]) -> String {
 
 fn serialize_figures<S: Serializer>(figures: &[Figure], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&figures_text(figures))
+}
+
+/// Reads the text of [`figures_text`]; the numbers have its three significant digits.
+fn deserialize_figures<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Figure>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let figure = |part: &str| {
+        let (name, value) = part.rsplit_once(": ")?;
+        Some((name.to_owned(), value.parse().ok()?))
+    };
+    let parts = text.split("; ").filter(|part| !part.is_empty());
+    parts
+        .map(figure)
+        .collect::<Option<_>>()
+        .ok_or_else(|| D::Error::custom(format!("`{text}` is no list of figures")))
 }
 
 #[cfg(test)]
@@ -276,6 +291,14 @@ mod tests {
         }
         for name in ["", "and", "lokovic"] {
             assert!(find_paper(name, &claims).is_err_and(|e| e.exit_status() == 2), "{name}");
+        }
+    }
+
+    /// The table is read again by splitting these texts.
+    #[test]
+    fn names_of_figures_have_no_separator() {
+        for claim in all().unwrap() {
+            assert!(claim.figures.iter().all(|(name, _)| !name.contains("; ")), "{}", claim.claim);
         }
     }
 

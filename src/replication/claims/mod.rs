@@ -15,4 +15,4 @@ pub mod table;
 mod turns;
 
 pub use claim::{Claim, Figure, Finding, Measured, Need, Row, all, find_paper};
-pub use run::{run, scene_names};
+pub use run::{run, scene_names, unrequested};

@@ -1,9 +1,9 @@
 //! Rules for verdicts on claims of papers: whether measured numbers confirm what a paper states.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Verdict on a claim of a paper, ordered from worst to best.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Holds {
     /// The claim of the paper does not hold.

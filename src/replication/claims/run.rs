@@ -49,8 +49,63 @@ fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     Ok(groups)
 }
 
+/// Scenes on which claims are tested: those of the command line, or else the built-in scenes that the claims name.
+#[derive(Clone, Copy)]
+struct Plan<'a> {
+    claims: &'a [Claim],
+    given: &'a [String],
+}
+
+impl<'a> Plan<'a> {
+    /// Whether a claim is tested on a scene.
+    fn concerns(&self, claim: &Claim, scene: &str) -> bool {
+        match self.given {
+            [] => claim.scenes.iter().any(|s| s == scene),
+            given => {
+                !claim.needs.is_empty() && !compares_stand_ins(claim) && given.iter().any(|g| g == scene)
+            }
+        }
+    }
+
+    /// Claims that are tested on a scene, each with its index.
+    fn on(self, scene: &str) -> impl Iterator<Item = (usize, &'a Claim)> {
+        self.claims.iter().enumerate().filter(move |(_, claim)| self.concerns(claim, scene))
+    }
+
+    /// Rows of an earlier run with the verdicts on all claims of a scene, each with the index of its claim; `None` if one
+    /// is missing.
+    fn finished(self, scene: &str, earlier: &[Row]) -> Option<Vec<(usize, Row)>> {
+        let row = |(i, claim): (usize, &Claim)| {
+            let same = |row: &&Row| is_row_of(row, claim) && row.scene == scene_text(claim, scene);
+            Some((i, earlier.iter().find(same)?.clone()))
+        };
+        self.on(scene).map(row).collect()
+    }
+}
+
+/// Returns a row of an earlier run whose claim, or scene, is not among the requested ones.
+pub fn unrequested<'r>(claims: &[Claim], given: &[String], earlier: &'r [Row]) -> Option<&'r Row> {
+    let plan = Plan { claims, given };
+    let scenes = scene_names(claims, given);
+    let is_requested = |row: &&Row| match row.scene.as_str() {
+        "" => claims.iter().any(|claim| is_row_of(row, claim)),
+        text => scenes.iter().any(|scene| {
+            plan.on(scene).any(|(_, claim)| is_row_of(row, claim) && text == scene_text(claim, scene))
+        }),
+    };
+    earlier.iter().find(|row| !is_requested(row))
+}
+
+/// Whether a row has the verdict on a claim.
+fn is_row_of(row: &Row, claim: &Claim) -> bool {
+    (&row.paper, &row.place, &row.claim, &row.claimed)
+        == (&claim.paper, &claim.place, &claim.claim, &claim.claimed)
+}
+
 /// Tests claims of papers on the scenes `given`, or else on the built-in scenes that each claim names. `read` loads a
 /// scene by its name. A claim with missing measurements gets a row with the reason.
+///
+/// `earlier` has the rows of an earlier run. A scene whose claims all have a row there is not measured again.
 ///
 /// Returns the rows, with the error that ended the run early, if any: a scene cannot be read, the device cannot store
 /// it, or the observer of `progress` cancelled the measurement. Rows of finished scenes are returned in any case.
@@ -58,12 +113,18 @@ pub fn run(
     renderer: &Arc<Renderer>,
     claims: &[Claim],
     given: &[String],
+    earlier: &[Row],
     read: &mut dyn FnMut(&str) -> Result<Subject>,
     effort: Effort,
     progress: &mut Progress,
 ) -> (Vec<Row>, Result<()>) {
-    let mut rows: Vec<(usize, Row)> = Vec::new();
-    let outcome = measure_into(&mut rows, (renderer, claims, given), read, effort, progress);
+    let plan = Plan { claims, given };
+    let scenes = scene_names(claims, given);
+    let mut of_scenes: Vec<Vec<(usize, Row)>> =
+        scenes.iter().map(|scene| plan.finished(scene, earlier).unwrap_or_default()).collect();
+    let missing = scenes.iter().zip(&mut of_scenes).filter(|(_, rows)| rows.is_empty()).collect();
+    let outcome = measure_into(missing, renderer, plan, read, effort, progress);
+    let mut rows = of_scenes.concat();
     let untried = |(i, c): (usize, &Claim)| {
         let compares = !given.is_empty() && compares_stand_ins(c);
         let compares = compares.then_some("Not tried: it compares built-in scenes with each other.");
@@ -74,21 +135,18 @@ pub fn run(
     (rows.into_iter().map(|(_, row)| row).collect(), outcome)
 }
 
-/// Measures every scene and appends the verdicts to `rows`, each with the index of its claim; see [`run`].
+/// Measures scenes and appends the verdicts to the rows of each scene, each with the index of its claim; see [`run`].
 fn measure_into(
-    rows: &mut Vec<(usize, Row)>,
-    (renderer, claims, given): (&Arc<Renderer>, &[Claim], &[String]),
+    scenes: Vec<(&String, &mut Vec<(usize, Row)>)>,
+    renderer: &Arc<Renderer>,
+    plan: Plan<'_>,
     read: &mut dyn FnMut(&str) -> Result<Subject>,
     effort: Effort,
     progress: &mut Progress,
 ) -> Result<()> {
-    let concerns = |claim: &Claim, scene: &str| match given {
-        [] => claim.scenes.iter().any(|s| s == scene),
-        given => !claim.needs.is_empty() && !compares_stand_ins(claim) && given.iter().any(|g| g == scene),
-    };
     let mut planned = Vec::new();
-    for scene in scene_names(claims, given) {
-        let groups = groups(claims.iter().filter(|c| concerns(c, &scene)))?;
+    for (scene, rows) in scenes {
+        let groups = groups(plan.on(scene).map(|(_, claim)| claim))?;
         for group in &groups {
             if !group.whole.is_empty() {
                 steps(&group.whole, &effort)
@@ -96,10 +154,10 @@ fn measure_into(
                     .for_each(|(step, times)| progress.expect(step, times));
             }
         }
-        planned.push((scene, groups));
+        planned.push((scene, rows, groups));
     }
-    for (scene, groups) in planned {
-        let subject = read(&scene)?;
+    for (scene, rows, groups) in planned {
+        let subject = read(scene)?;
         let mut measured = Vec::new();
         for wanted in groups {
             let other = wanted.variant.scene.as_deref().map(&mut *read).transpose()?;
@@ -107,13 +165,13 @@ fn measure_into(
             let figures = measure(renderer, place, &wanted, effort, progress)?;
             measured.push((wanted.variant, figures));
         }
-        for (i, claim) in claims.iter().enumerate().filter(|(_, c)| concerns(c, &scene)) {
+        for (i, claim) in plan.on(scene) {
             let row = if claim.depth == Depth::Times {
-                let timed = time_in_turn(renderer, (&scene, &subject), &claim.needs, effort, progress)?;
+                let timed = time_in_turn(renderer, (scene, &subject), &claim.needs, effort, progress)?;
                 let timed: Vec<Vec<&Figures>> = timed.iter().map(|own| own.iter().collect()).collect();
-                verdict(claim, &scene, &timed)
+                verdict(claim, scene, &timed)
             } else {
-                verdict(claim, &scene, &collect(claim, &measured)?)
+                verdict(claim, scene, &collect(claim, &measured)?)
             };
             rows.push((i, row));
         }
@@ -156,15 +214,22 @@ fn collect<'a>(
     Ok(measured)
 }
 
+/// Name of a scene with the variants that a claim needs, for the column `scene`.
+fn scene_text(claim: &Claim, scene: &str) -> String {
+    let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
+    variants.dedup();
+    if variants.iter().all(String::is_empty) {
+        return scene.to_owned();
+    }
+    let named = |v: &String| if v.is_empty() { "as it is".to_owned() } else { v.clone() };
+    let how = variants.iter().map(named).collect::<Vec<_>>().join("; ");
+    format!("{scene} ({how})")
+}
+
 /// Creates the row of the table of tested claims (`claims.csv`) with the verdict on one paper's claim, from its
 /// measurements.
 fn verdict(claim: &Claim, scene: &str, measured: &Measured) -> Row {
-    let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
-    variants.dedup();
-    let changed = variants.iter().any(|v| !v.is_empty());
-    let named = |v: &String| if v.is_empty() { "as it is".to_owned() } else { v.clone() };
-    let how = variants.iter().map(named).collect::<Vec<_>>().join("; ");
-    let scene = if changed { format!("{scene} ({how})") } else { scene.to_owned() };
+    let scene = scene_text(claim, scene);
     let rule = &claim.rule;
     match claim.judge(measured) {
         Ok(Finding { holds, figures, note }) => {
@@ -290,6 +355,32 @@ mod tests {
         ];
         constant.retain(|claim| unreachable.iter().all(|text| !claim.contains(text)));
         assert_eq!(constant, Vec::<String>::new(), "the same verdict whatever is measured");
+    }
+
+    #[test]
+    fn scenes_with_all_their_rows_are_finished() {
+        let mut claims = all().unwrap();
+        claims.retain(|claim| claim.paper == "Kim and Neumann 2001");
+        let plan = Plan { claims: &claims, given: &[] };
+        let scene = &scene_names(&claims, &[])[0];
+        let row = |(_, claim): (usize, &Claim)| Row {
+            scene: scene_text(claim, scene),
+            ..row_of(claim, "Measured.")
+        };
+        let mut rows: Vec<Row> = plan.on(scene).map(row).collect();
+        assert_eq!(plan.finished(scene, &rows).unwrap().len(), rows.len());
+        assert!(unrequested(&claims, &[], &rows).is_none());
+        // On a scene of the user, these rows are not requested.
+        assert!(unrequested(&claims, &["mine".into()], &rows).is_some());
+        rows.pop();
+        assert!(plan.finished(scene, &rows).is_none());
+        rows[0].claimed = "another number".into();
+        assert_eq!(unrequested(&claims, &[], &rows), Some(&rows[0]), "the claim is another one");
+        // Several claims are told apart by their texts.
+        let is_own = |(i, claim): (usize, &Claim)| {
+            claims.iter().position(|other| is_row_of(&row_of(claim, ""), other)) == Some(i)
+        };
+        assert!(claims.iter().enumerate().all(is_own));
     }
 
     #[test]

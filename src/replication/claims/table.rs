@@ -15,6 +15,14 @@ pub struct TriedOn {
     pub toml: String,
 }
 
+impl TriedOn {
+    /// Returns the scene as a part of `claims.md`.
+    pub fn markdown(&self) -> String {
+        let Self { name, about, toml } = self;
+        format!("**{name}**: {about}\n\n```toml\n{}\n```\n", toml.trim_end())
+    }
+}
+
 /// Returns a Markdown table that counts the claims of each paper by verdict: those that hold, hold in part, do not
 /// hold, or were not tested.
 pub fn counts(rows: &[Row]) -> String {
@@ -53,8 +61,8 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
     if !scenes.is_empty() {
         out += "\n## Scenes\n";
     }
-    for TriedOn { name, about, toml } in scenes {
-        out += &format!("**{name}**: {about}\n\n```toml\n{}\n```\n\n", toml.trim_end());
+    for scene in scenes {
+        out += &(scene.markdown() + "\n");
     }
     out.trim_end().to_owned() + "\n"
 }
@@ -87,6 +95,9 @@ mod tests {
     #[test]
     fn csv_has_the_columns_of_the_contract() {
         let text = String::from_utf8(csv(&rows()).unwrap()).unwrap();
+        let again: Vec<Row> =
+            csv::Reader::from_reader(text.as_bytes()).deserialize().map(|r| r.unwrap()).collect();
+        assert_eq!((csv(&again).unwrap(), again[0].holds), (text.clone().into_bytes(), Holds::Partly));
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let columns = "paper,where,claim,claimed,measured,holds,scene,note";
         assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);

@@ -3,11 +3,11 @@
 use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::measure::point_report::PointReport;
 use crate::shadow::{Bound, Curve};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Outcome of testing a shadow method in a stability case, from good to bad, for the column `status` of the stability
 /// table.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The shadow method shows no numerical fault.

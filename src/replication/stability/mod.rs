@@ -111,23 +111,36 @@ impl Cost {
     }
 }
 
+/// Returns the rows of the stability table in a case, one for each method to which the case applies, without results.
+///
+/// # Errors
+/// A setting of the case is not allowed; a test tries them all.
+pub fn planned(methods: &[MethodSpec], case: &Case) -> Result<Vec<Row>> {
+    let applicable = methods.iter().filter_map(|method| with_case_settings(method, case));
+    applicable.map(|spec| Ok(unmeasured(case, spec.method()?.as_ref()))).collect()
+}
+
 /// Runs the given stability cases with every given shadow method. Returns a row of the stability table for each case
 /// and method to which the case applies, with the error that ended the run early, if any. A failure of a method
 /// becomes a row, and the others continue. The observer of `progress` can end the run between two cases.
+///
+/// `finished` has the rows of each case from an earlier run ([`table::finished`]). A case with rows is not run again.
 pub fn run(
     renderer: &Arc<Renderer>,
     methods: &[MethodSpec],
     cases: &[&Case],
+    finished: Vec<Vec<Row>>,
     progress: &mut Progress,
 ) -> (Vec<Row>, Result<()>) {
-    let mut rows = Vec::new();
+    let mut rows = finished;
+    rows.resize(cases.len(), Vec::new());
     let outcome = run_into(&mut rows, renderer, methods, cases, progress);
-    (rows, outcome)
+    (rows.concat(), outcome)
 }
 
-/// See [`run`]; appends the rows to `rows`.
+/// See [`run`]; fills the empty lists of `rows`, one for each case.
 fn run_into(
-    rows: &mut Vec<Row>,
+    rows: &mut [Vec<Row>],
     renderer: &Arc<Renderer>,
     methods: &[MethodSpec],
     cases: &[&Case],
@@ -136,12 +149,16 @@ fn run_into(
     let ordinary = &all()?[0];
     let plain = methods.iter().map(MethodSpec::method).collect::<Result<Vec<_>>>()?;
     let step = Step::new(StepKind::Case, "");
-    progress.expect(step.clone(), 1 + cases.len());
+    let missing: Vec<_> = cases.iter().zip(rows).filter(|(_, rows)| rows.is_empty()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    progress.expect(step.clone(), 1 + missing.len());
     progress.begin(step.clone(), "ordinary case")?;
     let outcomes = measure(renderer, ordinary, &plain);
     // A method that fails on the ordinary case has no baseline.
     let costs: Vec<_> = outcomes.into_iter().map(|o| o.ok().map(|(_, cost)| cost)).collect();
-    for case in cases {
+    for (case, rows) in missing {
         progress.begin(step.clone(), &case.name)?;
         let mut applicable = Vec::new();
         for (method, cost) in methods.iter().zip(&costs) {
@@ -172,17 +189,16 @@ fn with_case_settings(method: &MethodSpec, case: &Case) -> Option<MethodSpec> {
     Some(spec)
 }
 
-fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost>) -> Row {
+/// Returns the row of a shadow method in a stability case, without results.
+fn unmeasured(case: &Case, method: &dyn Method) -> Row {
     let map = method.map_size().map(|n| format!("map={n}"));
     let own = Some(method.params()).filter(|p| !p.is_empty());
     let params = own.into_iter().chain(map).collect::<Vec<_>>().join(" ");
-    let named = |status| Row {
-        case: case.name.clone(),
-        method: method.name().into(),
-        params,
-        status,
-        ..Row::default()
-    };
+    Row { case: case.name.clone(), method: method.name().into(), params, ..Row::default() }
+}
+
+fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost>) -> Row {
+    let named = |status| Row { status, ..unmeasured(case, method) };
     match outcome {
         Err(e) => Row { note: e.to_string(), ..named(Status::Failed) },
         Ok((lights, cost)) => {

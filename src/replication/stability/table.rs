@@ -3,12 +3,12 @@
 use super::judge::Status;
 use crate::report::markdown::{Align, aligned_table};
 use itertools::Itertools as _;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
 /// Row of `stability.csv`: one shadow method in one stability case. The fields are the columns, in order. With
 /// several lights, counts are sums over the lights; errors, times and memory are the largest.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name of the stability case in which the shadow method was tested.
     pub case: String,
@@ -36,6 +36,34 @@ pub struct Row {
     /// Descriptions of the shadow method's numerical faults, and of times or memory far above those of the ordinary
     /// case.
     pub note: String,
+}
+
+impl Row {
+    /// Whether another row has the same case, shadow method and settings.
+    fn is_same_test(&self, other: &Self) -> bool {
+        (&self.case, &self.method, &self.params) == (&other.case, &other.method, &other.params)
+    }
+}
+
+/// Returns the rows of each case that an earlier run finished, in the order of `planned`: the rows of each case without
+/// results. The list of a case is empty if a row is missing or its method failed, so that the case is measured again.
+///
+/// # Errors
+/// An earlier row is not planned; the text says which one.
+pub fn finished(planned: &[Vec<Row>], earlier: &[Row]) -> Result<Vec<Vec<Row>>, String> {
+    let is_planned = |row: &&Row| planned.iter().flatten().any(|wanted| wanted.is_same_test(row));
+    if let Some(row) = earlier.iter().find(|row| !is_planned(row)) {
+        let name = [&*row.method, &row.params].join(" ");
+        return Err(format!("{} in case {} is among its rows and not requested", name.trim_end(), row.case));
+    }
+    let of_case = |wanted: &Vec<Row>| {
+        let known = |wanted: &Row| {
+            let usable = |row: &&Row| row.is_same_test(wanted) && row.status != Status::Failed;
+            earlier.iter().find(usable).cloned()
+        };
+        wanted.iter().map(known).collect::<Option<Vec<_>>>().unwrap_or_default()
+    };
+    Ok(planned.iter().map(of_case).collect())
 }
 
 /// Symbol in the stability summary for a shadow method to which a stability case does not apply.
@@ -125,6 +153,29 @@ mod tests {
         assert!(text.contains("epsilon-0,dsm,map=64,bound_exceeded,inf,"));
         let parsed: serde_json::Value = serde_json::from_str(&json(&rows()).unwrap()).unwrap();
         assert_eq!(parsed[1]["status"], "nan");
+    }
+
+    #[test]
+    fn rows_survive_the_csv_file_and_complete_cases_are_finished() {
+        let text = csv(&rows()).unwrap();
+        let read: Vec<Row> = csv::Reader::from_reader(&text[..]).deserialize().map(|r| r.unwrap()).collect();
+        assert_eq!((&read, csv(&read).unwrap()), (&rows(), text));
+        let planned = |row: &Row| Row {
+            status: Status::Ok,
+            ray_err_max: None,
+            bytes: None,
+            note: String::new(),
+            ..row.clone()
+        };
+        let [comb, _, _, stiff] = [0, 1, 2, 3].map(|at| planned(&read[at]));
+        let more = Row { method: "osm".into(), ..stiff.clone() };
+        let done =
+            finished(&[vec![comb.clone()], vec![stiff.clone(), more]], &[read[3].clone(), read[0].clone()]);
+        assert_eq!(done.unwrap(), [vec![read[0].clone()], vec![]], "a row of the second case is missing");
+        let failed = Row { status: Status::Failed, ..comb.clone() };
+        assert_eq!(finished(&[vec![comb.clone()]], &[failed]).unwrap(), [vec![]]);
+        let refusal = finished(&[vec![comb]], &[stiff]).unwrap_err();
+        assert_eq!(refusal, "dsm map=64 in case epsilon-0 is among its rows and not requested");
     }
 
     #[test]

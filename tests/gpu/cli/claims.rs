@@ -66,6 +66,38 @@ fn an_interrupt_keeps_the_rows_of_finished_scenes() {
 }
 
 #[test]
+fn finished_scenes_are_not_measured_again() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
+    fs::write(dir.path().join("step.toml"), SCENE.replace("sphere", "step")).unwrap();
+    let ball = ["claims", "--paper", "neumann", "--repeats", "1", "-o", "out", "--scene", "ball.toml"];
+    assert!(umbravox(dir.path(), &ball).status.success());
+    let read = |file: &str| fs::read_to_string(dir.path().join("out").join(file)).unwrap();
+    let first = read("claims.csv");
+    // A second scene is added to the finished one.
+    let both = [&ball[..], &["--scene", "step.toml", "--resume"]].concat();
+    let resumed = umbravox(dir.path(), &both);
+    let said = String::from_utf8_lossy(&resumed.stderr);
+    assert!(resumed.status.success() && said.contains(" rows"), "{said}");
+    assert!(!said.contains("on ball") && !said.contains("ball:"), "it is not measured again: {said}");
+    let rows = read("claims.csv");
+    assert!(first.lines().all(|line| rows.lines().any(|row| row == line)), "{rows}");
+    assert!(rows.lines().count() > first.lines().count() && rows.contains(",step"), "{rows}");
+    assert!(umbravox(dir.path(), &both).status.success());
+    assert_eq!(read("claims.csv"), rows, "nothing is left to measure");
+    // Other scenes and settings are not mixed in.
+    let refusal = |args: &[&str]| refused(dir.path(), &[args, &["--resume"]].concat());
+    assert!(refusal(&ball).contains("is among its rows and not requested"));
+    let more = [&ball[..4], &["2"], &ball[5..], &["--scene", "step.toml"]].concat();
+    assert!(refusal(&more).contains("times are medians of 1. Now: "));
+    fs::write(dir.path().join("ball.toml"), SCENE.replace("engine", "bone")).unwrap();
+    assert!(refusal(&both[..both.len() - 1]).contains("the scene ball has changed"));
+}
+
+#[test]
 fn bad_command_lines_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("ball.toml"), SCENE).unwrap();

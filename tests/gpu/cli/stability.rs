@@ -72,9 +72,48 @@ fn an_interrupt_keeps_the_rows_of_finished_cases() {
     assert!(said.contains("progress: 0/") && said.contains("ordinary case"), "{said}");
     assert!(said.contains("about ") && said.contains(" left, "), "{said}");
     assert!(said.contains("error: interrupted (out): ") && said.contains("cases are tested"), "{said}");
-    assert!(said.contains("--case "), "the hint names the missing cases: {said}");
+    assert!(said.contains("--resume") && said.contains("nan"), "the hint names the missing cases: {said}");
     let rows = csv::Reader::from_path(dir.path().join("out/stability.csv")).unwrap().into_records().count();
     assert!(rows > 0, "{said}");
+}
+
+#[test]
+fn finished_cases_are_not_tested_again() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let args = ["stability", "-o", "out", "--methods", "none;dsm:map=32", "--case", "grid-one-brick,nan"];
+    assert!(umbravox(dir.path(), &args).status.success());
+    let read = |file: &str| std::fs::read_to_string(dir.path().join("out").join(file)).unwrap();
+    let (whole, page) = (read("stability.csv"), read("stability.md"));
+    // As after an interruption: the second case is missing.
+    let first: Vec<&str> = whole.lines().filter(|line| !line.starts_with("nan,")).collect();
+    std::fs::write(dir.path().join("out/stability.csv"), first.join("\n") + "\n").unwrap();
+    let resumed = umbravox(dir.path(), &[&args[..], &["--resume"]].concat());
+    let said = String::from_utf8_lossy(&resumed.stderr);
+    assert!(resumed.status.success() && said.contains("holds 2 rows"), "{said}");
+    assert!(
+        !said.contains("grid-one-brick") && said.contains("nan"),
+        "only the second case is tested: {said}"
+    );
+    let again = read("stability.csv");
+    assert_eq!(again.lines().take(3).collect::<Vec<_>>(), first, "rows of the first case stay");
+    assert_eq!(again.lines().count(), whole.lines().count());
+    // A complete table is written anew without a measurement.
+    let resumed = umbravox(dir.path(), &[&args[..], &["--resume"]].concat());
+    assert!(resumed.status.success() && !String::from_utf8_lossy(&resumed.stderr).contains("ordinary case"));
+    assert_eq!(read("stability.csv"), again);
+    // Other settings, and another adapter, are not mixed in.
+    let refusal = |args: &[&str]| refused(dir.path(), &[args, &["--resume"]].concat());
+    let other = ["stability", "-o", "out", "--methods", "dsm:map=64", "--case", "grid-one-brick,nan"];
+    assert!(refusal(&other).contains("none in case grid-one-brick is among its rows and not requested"));
+    std::fs::write(dir.path().join("out/stability.md"), page.replace("Adapter ", "Adapter another "))
+        .unwrap();
+    assert!(refusal(&args).contains("it was measured with: Adapter another "));
+    assert!(refused(dir.path(), &args).contains("it holds stability.csv already"));
+    let both = refused(dir.path(), &[&args[..], &["--resume", "--overwrite"]].concat());
+    assert!(both.contains("--overwrite"), "{both}");
 }
 
 #[test]
