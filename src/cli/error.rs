@@ -6,6 +6,9 @@ use clap::Command;
 use clap::error::ContextKind as Kind;
 use std::ffi::OsString;
 
+/// Smallest Jaro similarity (0 to 1) of a word to a suggestion that is shown.
+const LEAST_SIMILARITY: f64 = 0.8;
+
 /// Converts an error of the command-line parser clap for a command line `args`. `command` is the command in it, whose
 /// `--help` the hint suggests.
 pub fn from_clap(e: &clap::Error, args: &[OsString], command: Option<&Command>) -> Error {
@@ -14,7 +17,18 @@ pub fn from_clap(e: &clap::Error, args: &[OsString], command: Option<&Command>) 
         texts.find(|text| !text.is_empty())
     };
     let place = first(&[Kind::InvalidArg, Kind::InvalidSubcommand]).unwrap_or_else(|| "arguments".into());
-    let suggested = || first(&[Kind::SuggestedArg, Kind::SuggestedSubcommand, Kind::SuggestedValue]);
+    let pairs = [
+        (Kind::InvalidArg, Kind::SuggestedArg),
+        (Kind::InvalidSubcommand, Kind::SuggestedSubcommand),
+        (Kind::InvalidValue, Kind::SuggestedValue),
+    ];
+    let suggested = || {
+        pairs.iter().find_map(|(given, suggested)| {
+            let (given, suggested) = (first(&[*given])?, first(&[*suggested])?);
+            let similar: Vec<_> = suggested.split(", ").filter(|known| is_similar(&given, known)).collect();
+            (!similar.is_empty()).then(|| similar.join("` or `"))
+        })
+    };
     let hint = match command.and_then(|command| long_flag(&place, args, command)).or_else(suggested) {
         Some(known) => format!("did you mean `{known}`?"),
         None => format!(
@@ -23,6 +37,14 @@ pub fn from_clap(e: &clap::Error, args: &[OsString], command: Option<&Command>) 
         ),
     };
     Error::input("bad command line", place, flag_error(e)).hint(hint)
+}
+
+/// Whether a word that the parser suggests is close enough to the given one. The parser also suggests `--name` for
+/// `--camera`.
+fn is_similar(given: &str, known: &str) -> bool {
+    let plain =
+        |word: &str| word.trim_start_matches('-').split(['=', ' ']).next().unwrap_or_default().to_lowercase();
+    strsim::jaro(&plain(given), &plain(known)) >= LEAST_SIMILARITY
 }
 
 /// Returns the long flag of the command that was written with a single `-`, such as `--tf` for `-tf`. The parser took that

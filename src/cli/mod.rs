@@ -81,7 +81,7 @@ pub type Window = fn(view::ViewArgs) -> Result<()>;
 /// Runs a command line, whose first argument is the program name. Prints any error and returns the exit status: 0, 1 if the
 /// command failed, 2 for wrong input.
 pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> u8 {
-    let args: Vec<OsString> = args.into_iter().collect();
+    let args = without_help(args.into_iter().collect());
     let result = match Cli::try_parse_from(&args) {
         Ok(cli) => {
             log_to_stderr(cli.verbose);
@@ -102,6 +102,14 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> u8 {
             e.exit_status()
         }
     }
+}
+
+/// Changes `help methods` to `methods`: the list of shadow methods helps more than the usage of that command.
+fn without_help(mut args: Vec<OsString>) -> Vec<OsString> {
+    if args.get(1).is_some_and(|arg| arg == "help") && args.get(2).is_some_and(|arg| arg == "methods") {
+        args.remove(1);
+    }
+    args
 }
 
 fn run(command: Command, window: Window) -> Result<()> {

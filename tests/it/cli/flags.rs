@@ -205,6 +205,8 @@ fn hints_name_what_was_meant() {
         (&["render", "phantom:slab:8", "-size=8x8", "-o", "a.png"], "did you mean `--size`?"),
         (&["render", "phantom:slab:8", "--tf", "Bone", "-o", "a.png"], "did you mean `bone`?"),
         (&["render", "phantom:slab:8", "-x", "-o", "a.png"], "see `umbravox render --help`"),
+        (&["render", "phantom:slab:8", "--camera", "1", "-o", "a.png"], "see `umbravox render --help`"),
+        (&["render", "phantom:slab:8", "--shading", "lamber", "-o", "a.png"], "did you mean `lambert`?"),
     ] {
         refused(dir.path(), line);
         let stderr = String::from_utf8(umbravox(dir.path(), line).stderr).unwrap();
@@ -217,6 +219,7 @@ fn methods_are_listed_with_their_settings() {
     let dir = tempfile::tempdir().unwrap();
     let printed = |line: &[&str]| String::from_utf8(umbravox(dir.path(), line).stdout).unwrap();
     let all = printed(&["methods"]);
+    assert_eq!(printed(&["help", "methods"]), all);
     for method in umbravox::shadow::METHODS {
         assert!(all.lines().any(|line| line.starts_with(&format!("{} ", method.name))), "{}", method.name);
         let own = printed(&["methods", method.name]);
