@@ -375,17 +375,22 @@ mod tests {
         assert!(encapsulated(&fragments[..1], 1, &[]).is_err());
     }
 
+    fn layout(stored: u32, high: u32, is_signed: bool) -> Layout {
+        Layout { rows: 1, columns: 1, allocated: 16, stored, high, is_signed, is_float: false }
+    }
+
+    #[test]
+    fn lossy_jpeg_of_12_bits_is_refused_with_a_remedy() {
+        // Start of image, and a frame header (SOF1, extended sequential) of one component with 1 x 1 pixels of 12 bits.
+        let frame = [0xff, 0xc1, 0, 11, 12, 0, 1, 0, 1, 1, 1, 0x11, 0];
+        let image = [&[0xff, 0xd8][..], &frame, &[0xff, 0xd9]].concat();
+        let why = decoded(Codec::Jpeg, &image, &layout(12, 11, false)).unwrap_err();
+        assert!(why.contains("lossy JPEG of 12 bits, and only 8 are read"), "{why}");
+        assert!(why.contains("`gdcmconv --raw`") && why.contains("`dcmdjpeg`"), "{why}");
+    }
+
     #[test]
     fn overlays_are_removed_and_signs_extended() {
-        let layout = |stored, high, is_signed| Layout {
-            rows: 1,
-            columns: 1,
-            allocated: 16,
-            stored,
-            high,
-            is_signed,
-            is_float: false,
-        };
         assert_eq!(layout(12, 11, false).value(0xf123), 0x123);
         assert_eq!(layout(12, 11, true).value(0x0fff), -1);
         assert_eq!(layout(12, 15, false).value(0x1230), 0x123);
