@@ -11,13 +11,12 @@ use crate::scene_volume::{another_volume, of_array, unnamed};
 use crate::state::SceneState;
 use crate::volume::{InputVolume, PyVolume, read_input, reading, warn};
 use glam::DVec3;
-use ndarray::{Array3, s};
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString};
 use std::path::PathBuf;
 use umbravox::engine::MapCoverage;
-use umbravox::error::{Error, Result};
+use umbravox::error::Result;
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, picture_png, with_texts, write_picture_with};
 use umbravox::measure::errors::mean_of_maps;
@@ -25,10 +24,14 @@ use umbravox::open::presets::default_as;
 use umbravox::open::{SceneRequest, SceneSettings};
 use umbravox::shadow::ShadowMap;
 
-/// Number of rows of an exact picture that are computed between two checks for Ctrl-C.
-const EXACT_ROWS: u32 = 4;
-
 /// Volume with scene settings, for pictures and queries; every argument has the name of a command-line flag.
+///
+/// Methods take the same arguments, for that call alone. `None` counts as absent; an empty list removes the values of the
+/// scene (`clip=[]`). Data on the device are reused: a new camera costs a picture, a new light its map. No result depends on
+/// earlier calls.
+///
+/// >>> scene = umbravox.Scene("ct.nii.gz", tf="bone", light="dir:0,1,1", shadow="dsm:epsilon=0.01")
+/// >>> picture = scene.render(size=(640, 480))
 #[pyclass(frozen, module = "umbravox", name = "Scene")]
 pub struct PyScene {
     base: Request,
@@ -76,6 +79,8 @@ impl PyScene {
     }
 
     /// Reads a scene from a TOML file; arguments replace its settings.
+    ///
+    /// >>> scene = umbravox.Scene.read("scene.toml", size=(640, 480))
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
@@ -96,6 +101,8 @@ impl PyScene {
     }
 
     /// Renders the scene to an array, height x width x 4: linear RGB over the background, and opacity.
+    ///
+    /// >>> picture = scene.render(view="front", shadow="rays")
     #[pyo3(signature = (**arguments))]
     fn render<'py>(
         &self,
@@ -156,20 +163,9 @@ impl PyScene {
             |py, step| listener.report(py, step),
             |cancellation, sender| {
                 let (inputs, scene) = self.state.exact(&request, cancellation)?;
-                let (field, height) = (inputs.field(), scene.height);
-                let mut picture = Array3::zeros((height as usize, scene.width as usize, 4));
-                for row in (0..height).step_by(EXACT_ROWS as usize) {
-                    let rows = row..(row + EXACT_ROWS).min(height);
-                    if !cancellation.goes_on() {
-                        return Err(Error::cancelled("exact picture"));
-                    }
-                    // The send fails if nobody listens to the progress.
-                    let _ = sender.send(comparing::Step::of(row as usize, height as usize, "exact picture"));
-                    let part = field.picture_rows(&scene, rows.clone());
-                    picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
-                }
-                field.volume().check_reads()?;
-                Ok(picture)
+                // The send fails if nobody listens to the progress.
+                let report = |row, rows| drop(sender.send(comparing::Step::of(row, rows, "exact picture")));
+                inputs.picture(&scene, cancellation, report)
             },
         )?;
         self.warn(py)?;
@@ -242,7 +238,12 @@ impl PyScene {
     }
 
     /// Measures shadow methods on the scene (error, time, memory), and returns the rows of the comparison table as
-    /// dictionaries.
+    /// dictionaries: the columns of `compare.csv`, `None` for empty cells.
+    ///
+    /// With `output`, a folder, all files of `umbravox compare` are written as well. `progress` is called with a `Step`, or is
+    /// `True` for a line on stderr.
+    ///
+    /// >>> rows = scene.compare("rays;dsm:epsilon=0.06,0.02", output="table")
     #[pyo3(signature = (methods=None, *, output=None, repeats=None, points=None, rays=None, depths=None, check="sample",
         flicker=None, budget=None, overwrite=false, resume=false, progress=None, **arguments))]
     #[expect(clippy::too_many_arguments, reason = "each is a flag of the command")]

@@ -4,6 +4,7 @@ use crate::arguments::Request;
 use crate::device;
 use crate::interrupts::Cancellation;
 use crate::volume::InputVolume;
+use ndarray::{Array3, s};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 use umbravox::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
@@ -24,6 +25,9 @@ use umbravox::volume::{DirectionMoments, Volume};
 const RETRY_INTERVAL: Duration = Duration::from_millis(2);
 /// Rendering time of one band (several rows) of a picture, ms; cancellation is tested after each band.
 const BAND_MS: f64 = 200.0;
+
+/// Number of rows of an exact picture that are computed between two checks for Ctrl-C.
+const EXACT_ROWS: u32 = 4;
 
 /// Volume with the GPU data that its pictures and queries share. No result depends on earlier calls.
 pub struct SceneState {
@@ -131,6 +135,32 @@ impl ExactInputs {
 
     pub fn field(&self) -> ExactField<'_> {
         ExactField::new(&self.volume, &self.tf).with_directions(self.directions.clone())
+    }
+
+    /// Computes the exact picture of a scene, height x width x 4. `report` is called with the number of finished rows and of
+    /// all rows.
+    ///
+    /// # Errors
+    /// The computation was cancelled, or voxels cannot be read.
+    pub fn picture(
+        &self,
+        scene: &Scene,
+        cancellation: &Cancellation,
+        report: impl Fn(usize, usize),
+    ) -> Result<Array3<f32>> {
+        let (field, height) = (self.field(), scene.height);
+        let mut picture = Array3::zeros((height as usize, scene.width as usize, 4));
+        for row in (0..height).step_by(EXACT_ROWS as usize) {
+            let rows = row..(row + EXACT_ROWS).min(height);
+            if !cancellation.goes_on() {
+                return Err(Error::cancelled("exact picture"));
+            }
+            report(row as usize, height as usize);
+            let part = field.picture_rows(scene, rows.clone());
+            picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
+        }
+        field.volume().check_reads()?;
+        Ok(picture)
     }
 }
 

@@ -86,6 +86,14 @@ impl InputVolume {
 }
 
 /// Volume: a scalar field on a regular grid, with an affine to world millimetres (RAS+).
+///
+/// `voxels` has the axes i, j, k, as nibabel's arrays do; `axes="kji"` says that the first axis is the slowest, as in
+/// SimpleITK's arrays. Integers of 32 and 64 bits become float64; NaN and infinities the smallest finite value, with a
+/// warning. Images of nibabel, SimpleITK, ITK, VTK and PyVista, arrays of xarray and layers of napari bring their affine
+/// along. `labels` is a segmentation: an array of the same grid, or an image or a file of any.
+///
+/// >>> volume = umbravox.Volume(array, affine, name="chest")
+/// >>> picture = umbravox.render(volume, units="hu", tf="bone")
 #[pyclass(frozen, module = "umbravox", name = "Volume")]
 pub struct PyVolume {
     pub input: InputVolume,
@@ -246,6 +254,8 @@ impl PyVolume {
 }
 
 /// Reads a volume from a file; arguments have the names of command-line flags.
+///
+/// >>> volume = umbravox.read("foot.raw", raw="256x256x256:u8", spacing=(1, 1, 1))
 #[pyfunction]
 #[pyo3(signature = (path, **arguments))]
 pub fn read(

@@ -1,5 +1,6 @@
 """What comes with the module: its types, and the notebooks."""
 
+import ast
 import inspect
 import os
 import pydoc
@@ -30,7 +31,14 @@ def test_the_types_know_every_argument():
     assert reading | names["SceneArguments"] | names["FileArguments"] == set(uv.arguments())
     assert names["FileArguments"] == {"volume"}
     # The classes that are written in Rust have their docs where `help` looks.
-    assert uv.Scene.render.__doc__ and uv.Volume.__doc__
+    for item in uv.Scene, uv.Scene.render, uv.Scene.compare, uv.Volume, uv.read, uv.render, uv.compare, uv.transmittance:
+        assert ">>> " in item.__doc__, f"no example of {item}"
+    # Examples are code, and their arguments have the names that the functions know.
+    for line in "\n".join(item.__doc__ for item in (uv.Scene, uv.Volume, uv.read, uv.render, uv.compare)).splitlines():
+        if line.strip().startswith(">>> "):
+            calls = [node for node in ast.walk(ast.parse(line.strip()[4:])) if isinstance(node, ast.Call)]
+            names = {keyword.arg for call in calls for keyword in call.keywords}
+            assert names <= set(uv.arguments()) | {"name", "output"}, line
 
 
 def test_the_types_are_those_of_the_module():

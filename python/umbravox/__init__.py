@@ -47,12 +47,18 @@ __all__ = [
 
 
 def render(volume=None, affine=None, *, axes=None, **arguments):
-    """Renders a volume: ``Scene(volume, affine, **arguments).render()``."""
+    """Renders a volume: ``Scene(volume, affine, **arguments).render()``.
+
+    >>> picture = umbravox.render("ct.nii.gz", tf="bone", light="dir:0,1,1", size=(640, 480))
+    """
     return Scene(volume, affine, axes=axes, **arguments).render()
 
 
 def transmittance(volume, points, method=None, affine=None, *, axes=None, **arguments):
-    """Transmittance from the light to points: ``Scene(volume, affine, ...).transmittance(points, method)``."""
+    """Transmittance from the light to points: ``Scene(volume, affine, ...).transmittance(points, method)``.
+
+    >>> transmitted = umbravox.transmittance("ct.nii.gz", [[10, -20, 5]], "exact", tf="bone")
+    """
     return Scene(volume, affine, axes=axes, **arguments).transmittance(points, method)
 
 
@@ -69,6 +75,8 @@ def compare(volume=None, methods=None, affine=None, *, axes=None, client=None, *
     """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``.
 
     With ``client``, a Dask client, each method is measured on a worker.
+
+    >>> rows = umbravox.compare("ct.nii.gz", "rays;dsm:epsilon=0.06,0.02", tf="bone", output="table")
     """
     arguments["axes"] = axes
     measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
