@@ -103,6 +103,21 @@ def nrrds():
     say("itk.seq.nrrd", "pynrrd", np.diag([1.0, 2, 3, 1]), nrrd.read(str(OUT / "itk.seq.nrrd"))[0][..., 1], frame=1)
 
 
+def slicer_layers():
+    """Overlapping segments in two layers, with the header fields of 3D Slicer; both layers count from 1."""
+    layers = np.random.default_rng(5).integers(0, 3, (2, 5, 4, 3)).astype("uint8")
+    layers[1] = np.minimum(layers[1], 1)
+    header = {"space": "left-posterior-superior", "space directions": [[np.nan] * 3, [0.7, 0, 0], [0, 0.8, 0], [0, 0, 2.5]],
+              "space origin": [10.5, -20.25, 30.0], "encoding": "gzip", "kinds": ["list"] + ["domain"] * 3}
+    for n, (layer, value, name) in enumerate([(0, 1, "liver"), (0, 2, "rib"), (1, 1, "tumour")]):
+        header |= {f"Segment{n}_Layer": str(layer), f"Segment{n}_LabelValue": str(value), f"Segment{n}_Name": name}
+    nrrd.write(str(OUT / "layers.seg.nrrd"), layers, header)
+    back = nrrd.read(str(OUT / "layers.seg.nrrd"))[0]
+    affine = LPS @ np.array([[0.7, 0, 0, 10.5], [0, 0.8, 0, -20.25], [0, 0, 2.5, 30], [0, 0, 0, 1]])
+    overlaps = np.count_nonzero((back > 0).all(0))
+    say("layers.seg.nrrd", "pynrrd", affine, np.where(back[1] > 0, 3, back[0]), warning=f"{overlaps} voxels belong to several")
+
+
 # --- MetaImage, by SimpleITK ----------------------------------------------------------------------------------------
 def metaimages():
     for name, dtype, packed in [("plain.mha", "int16", False), ("packed.mha", "uint16", True),
@@ -636,7 +651,7 @@ def vtis():
         say(name, "VTK", affine, values.reshape((5, 4, 3), order="F"))
 
 
-MAKERS = (nrrds, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, dicom_segmentations, zarrs, vtis)
+MAKERS = (nrrds, slicer_layers, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, dicom_segmentations, zarrs, vtis)
 
 if __name__ == "__main__":
     kinds = sys.argv[1:]
