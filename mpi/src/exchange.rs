@@ -5,11 +5,12 @@ use mpi::collective::Root as _;
 use mpi::datatype::PartitionMut;
 use mpi::topology::{Communicator as _, SimpleCommunicator};
 use std::cell::Cell;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use umbravox::field::WorkShare;
 use umbravox::{Error, Result};
 
-/// Environment variables in which launchers give the number of ranks: Open MPI, and MPICH with its relatives.
-const LAUNCHED: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
+/// Environment variables in which launchers give the number of ranks: Open MPI, MPICH with its relatives, and Slurm.
+const LAUNCHED: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"];
 
 /// Ranks of an MPI job.
 pub struct Ranks<'a> {
@@ -29,7 +30,7 @@ impl<'a> Ranks<'a> {
         if let Some(launched) = launched.max().filter(|launched| *launched != known) {
             let why = format!("the launcher started {launched} processes, and MPI knows {known}");
             return Err(Error::input("cannot start", "ranks", why)
-                .hint("mpirun is of another MPI library than the one umbravox-mpi was built with"));
+                .hint("mpirun (or srun --mpi=...) is of another MPI library than the one umbravox-mpi was built with"));
         }
         Ok(Self { world, sent_bytes: Cell::new(0) })
     }
@@ -47,6 +48,25 @@ impl<'a> Ranks<'a> {
     /// Returns the share of this rank in the work.
     pub fn share(&self) -> WorkShare {
         WorkShare::new(self.rank(), self.count()).unwrap_or(WorkShare::WHOLE)
+    }
+
+    /// Checks that all ranks have the same inputs, given as a text.
+    ///
+    /// # Errors
+    /// A rank has other inputs than rank 0.
+    pub fn check_same(&self, inputs: &str) -> Result<()> {
+        let mut hasher = DefaultHasher::new();
+        inputs.hash(&mut hasher);
+        let digest = hasher.finish();
+        let all = self.all_gather(&[digest as u32, (digest >> 32) as u32])?;
+        match all.iter().position(|own| *own != all[0]) {
+            None => Ok(()),
+            Some(rank) => {
+                let why = format!("rank {rank} has another volume or scene than rank 0");
+                Err(Error::input("cannot share the work", "ranks", why)
+                    .hint("--downsample without a size depends on the memory of each machine"))
+            }
+        }
     }
 
     /// Returns the number of bytes that this rank has sent to others.

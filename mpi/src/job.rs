@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use umbravox::files::loading::Loading;
 use umbravox::files::output::check_output;
-use umbravox::files::picture::{PICTURE_EXTENSIONS, write_picture};
+use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use umbravox::open::SceneRequest;
 use umbravox::render::{Renderer, Session, View};
 use umbravox::scene::{LightSource, Scene};
@@ -47,11 +47,24 @@ pub fn run(args: &Args, ranks: &Ranks<'_>) -> Result<()> {
     if ranks.rank() == 0 {
         check_output(&args.output, PICTURE_EXTENSIONS)?;
     }
-    let method = settings.method_spec().method()?;
+    let spec = settings.method_spec();
+    let method = spec.method()?;
+    if !["dsm", "none"].contains(&method.name()) {
+        let why = "the ranks of a job build dsm, and draw none";
+        return Err(Error::input("cannot share the work of", method.name(), why));
+    }
+    let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     let loaded = settings.load(&Loading::default())?;
     if ranks.rank() == 0 {
         loaded.diagnostics.iter().for_each(|d| eprintln!("{}: {}", d.level.name(), d.message));
     }
+    let (volume, scene) = (&loaded.volume, &loaded.scene);
+    let place = (volume.dims(), volume.value_range(), volume.world_from_index());
+    let size = [scene.width, scene.height];
+    ranks.check_same(&format!(
+        "{place:?} {size:?} {:?} {:?} {spec} {:?}",
+        scene.camera, scene.lights, loaded.tf
+    ))?;
     let renderer = Arc::new(Renderer::new(run.gpu()?));
     let session = Session::on(&renderer, loaded.volume, &loaded.tf, settings.disabled_optimizations())?;
     let session = session.with_strands(loaded.strands);
@@ -67,7 +80,7 @@ pub fn run(args: &Args, ranks: &Ranks<'_>) -> Result<()> {
         serde_json::to_vec(&report).map_err(|e| Error::runtime("cannot report", "rank", e.to_string()))?;
     let reports = ranks.gather(&text)?;
     if let Some(picture) = picture {
-        write_picture(&args.output, &picture)?;
+        write_picture_with(&args.output, &picture, backdrop, &[])?;
     }
     for text in reports.into_iter().flatten().filter(|_| run.json || run.explain) {
         println!("{}", String::from_utf8_lossy(&text));
@@ -108,7 +121,7 @@ fn shadow_maps(
         report.share_bytes += 4 * words.len() as u64;
         let all = ranks.all_gather(&words)?;
         report.map_bytes += 4 * all.iter().map(Vec::len).sum::<usize>() as u64;
-        let shares = all.iter().map(|words| MapShare::from_words(words)).collect::<Result<Vec<_>>>()?;
+        let shares = all.into_iter().map(|words| MapShare::from_words(&words)).collect::<Result<Vec<_>>>()?;
         let map = renderer.merged_shadow(field, method, source, view.as_ref(), &shares)?;
         report.exchange_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(map)

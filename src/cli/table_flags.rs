@@ -103,7 +103,8 @@ impl TableFlags {
     /// # Errors
     /// A file or stdout cannot be written.
     pub fn write(&self, name: &str, rows: &[impl Serialize], page: &str, summary: &str) -> Result<()> {
-        for (ending, bytes) in [("csv", &csv(rows)?[..]), ("md", page.as_bytes())] {
+        // `--resume` reads the conditions of the page, which must not be those of an older table.
+        for (ending, bytes) in [("md", page.as_bytes()), ("csv", &csv(rows)?[..])] {
             let path = self.output.join(format!("{name}.{ending}"));
             write_whole(&path, |file| file.write_all(bytes))?;
             print_message("table", &path.display());

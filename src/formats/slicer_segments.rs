@@ -130,7 +130,9 @@ impl SegmentLayers {
             }
         });
         if overlaps > 0 {
-            warnings.push(format!("{overlaps} voxels belong to several segments: they have the last one"));
+            warnings.push(format!(
+                "{overlaps} voxels belong to several segments: they have that of the last layer"
+            ));
         }
         if unknown > 0 {
             warnings.push(format!("{unknown} numbers of voxels belong to no segment: they were ignored"));

@@ -132,9 +132,13 @@ pub fn merged_map(context: &BuildContext<'_>, method: &dyn Method, shares: &[Map
             sum[3] + u64::from(own[3]),
         ]
     });
+    if built != u64::from(tiles.built) {
+        let why = format!("they have {built} tiles, and the map has {}", tiles.built);
+        return Err(Error::runtime("cannot merge", "shares of a shadow map", why));
+    }
     let mut report = BuildReport {
         tiles: tiles.tiles,
-        tiles_left_out: tiles.tiles - built as u32,
+        tiles_left_out: tiles.tiles - tiles.built,
         nodes_total: Some(total),
         nodes_max: Some(most),
         texels_hit: Some(hit),
