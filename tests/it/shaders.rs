@@ -96,7 +96,7 @@ fn streamed(paged: &ShaderVariant) -> Option<ShaderVariant> {
     let needs_all = |def: &&str| ["RESUMABLE", "SECTIONS", "MESH"].contains(def);
     let waits = match paged.entry {
         "render/query.wgsl" => return Some(paged.clone().defs(["STREAMED"])),
-        "render/raycast.wgsl" => !paged.defs.iter().any(|def| needs_all(def)),
+        "render/raycast.wgsl" => !paged.defs.iter().any(needs_all),
         _ => paged.ray_state_words().is_some(),
     };
     waits.then(|| paged.clone().defs(["STREAMED", "RAY_STATES"]))

@@ -1,7 +1,6 @@
 //! Build of a deep shadow map: parameters and counters of its passes, and the rows of curve nodes.
 
-use super::compact::MapNodes;
-use super::layout::{DEPTH_STEPS, NAME, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_WIDTH_SHIFT, TILE_BLOCKS};
+use super::layout::{DEPTH_STEPS, NODE_FORMAT, QUAD_BYTES, ROW_QUADS, ROWS_WIDTH_SHIFT, TILE_BLOCKS};
 use super::{Compress, DeepShadowMap, least_weight};
 use crate::error::{Error, Result};
 use crate::field::{
@@ -192,27 +191,6 @@ impl DeepShadowMap {
         let enclosure = self.build_enclosure(context, &tiles)?;
         enclosure.iter().for_each(|enclosure| report.add_enclosure(enclosure));
         Ok(ShadowMap { enclosure, ..self.finished(context, tiles, nodes, report) })
-    }
-
-    /// Returns the shadow map of finished nodes, without enclosing curves.
-    pub(super) fn finished(
-        &self,
-        context: &BuildContext<'_>,
-        tiles: TileMarch<'_>,
-        nodes: MapNodes,
-        report: BuildReport,
-    ) -> ShadowMap {
-        ShadowMap {
-            method: NAME,
-            group: nodes.group(context, &tiles),
-            lookup: self.lookup(),
-            report,
-            bound: self.bound(context, &tiles.light_space),
-            light_space: tiles.light_space,
-            enclosure: None,
-            sections: None,
-            _pool: Some(nodes.pool),
-        }
     }
 
     /// Marches all light rays, and stores the nodes of their compressed curves in rows.

@@ -3,13 +3,14 @@
 use super::DeepShadowMap;
 use super::build::{BuiltRows, DsmParams, node_pool, with_reserve};
 use super::layout::{
-    BLOCK, DIRECTORY_FORMAT, NODE_FORMAT, QUAD_BYTES, ROWS_WIDTH_SHIFT, Side, allocate_shader, compact_shader,
+    BLOCK, DIRECTORY_FORMAT, NAME, NODE_FORMAT, QUAD_BYTES, ROWS_WIDTH_SHIFT, Side, allocate_shader,
+    compact_shader,
 };
 use crate::error::Result;
 use crate::field::{BuildContext, NodePool, NodePoolSizes, TileMarch, line_of_workgroups};
 use crate::gpu::{Group, Slot, Span, store_texture, uniform_buffer, write_texels};
 use crate::shadow::bound::Bound;
-use crate::shadow::method::BuildReport;
+use crate::shadow::method::{BuildReport, Method as _, ShadowMap};
 use std::sync::Arc;
 
 /// Curve nodes of a finished deep shadow map.
@@ -102,6 +103,27 @@ fn directory(context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(wgpu:
 }
 
 impl DeepShadowMap {
+    /// Returns the shadow map of finished nodes, without enclosing curves.
+    pub(super) fn finished(
+        &self,
+        context: &BuildContext<'_>,
+        tiles: TileMarch<'_>,
+        nodes: MapNodes,
+        report: BuildReport,
+    ) -> ShadowMap {
+        ShadowMap {
+            method: NAME,
+            group: nodes.group(context, &tiles),
+            lookup: self.lookup(),
+            report,
+            bound: self.bound(context, &tiles.light_space),
+            light_space: tiles.light_space,
+            enclosure: None,
+            sections: None,
+            _pool: Some(nodes.pool),
+        }
+    }
+
     /// Copies the curve nodes of texels that have any from rows to memory without gaps.
     ///
     /// # Errors

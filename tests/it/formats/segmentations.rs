@@ -58,7 +58,10 @@ fn overlapping_slicer_segments_are_merged_into_labels() {
     assert_eq!((volume.dims(), volume.value(0, 0, 0), volume.value(1, 0, 0)), ([2, 1, 1], 3.0, 2.0));
     assert_eq!(segments(&volume), [(1, "liver", None), (2, "rib", None), (3, "tumour", Some([0, 0, 255]))]);
     let warnings = volume.provenance.warnings.join("; ");
-    assert!(warnings.contains("1 voxels belong to several segments: they have the last one"), "{warnings}");
+    assert!(
+        warnings.contains("1 voxels belong to several segments: they have that of the last layer"),
+        "{warnings}"
+    );
     // A number that no segment has is reported.
     let volume = slicer(TWO_LAYERS, described, &[1, 9, 2, 0], ReadFlags::default()).unwrap();
     assert_eq!([volume.value(0, 0, 0), volume.value(1, 0, 0)], [1.0, 2.0]);
