@@ -35,7 +35,7 @@ XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 XVFB_LARGE := xvfb-run -a -s "-screen 0 3840x2160x24"
 SIZES ?= 640x480@1 900x560@1 900x560@2 1280x720@1 1280x720@2 1920x1080@1 1920x1080@2
 
-.PHONY: demo quick test python adapters lint bench shots sizes measured results pictures book setup check-tools
+.PHONY: demo quick test python adapters lint mpi bench shots sizes measured results pictures book setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -62,8 +62,14 @@ adapters:
 lint:
 	$(CARGO) fmt --check
 	$(CARGO) fmt --check --manifest-path python/Cargo.toml
+	$(CARGO) fmt --check --manifest-path mpi/Cargo.toml
 	$(CARGO) clippy --locked --all-targets -- -D warnings
 	$(CARGO) clippy --locked -p umbravox-python -- -D warnings
+
+# Needs an MPI library and libclang: docs/cluster.md.
+mpi:
+	$(CARGO) clippy --locked -p umbravox-mpi --all-targets -- -D warnings
+	$(CARGO) test --locked -p umbravox-mpi
 
 bench: setup
 	$(CARGO) bench --locked

@@ -62,7 +62,7 @@ if [[ ${UMBRAVOX_TESTS:-} == full ]]; then
     "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps "$folder"/wheels/*.whl
 else
     # One build for all: the features are those of `make test`.
-    "$cargo" build --locked --workspace --lib --bins --tests
+    "$cargo" build --locked --workspace --exclude umbravox-mpi --lib --bins --tests
     # shellcheck disable=SC2086
     environment "$folder/venv" $packages
     rm -rf "$folder/module"
