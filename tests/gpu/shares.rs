@@ -1,5 +1,6 @@
 //! Shares of several processes: together they give the map and the picture of one process, to the last bit.
 
+use crate::pages::limited;
 use crate::{extinction, renderer};
 use std::sync::Arc;
 use umbravox::field::WorkShare;
@@ -76,7 +77,9 @@ fn shares_form_the_map_and_the_picture_of_one_process() {
 #[test]
 fn shares_have_equal_work() {
     let Some(renderer) = renderer() else { return };
-    let session = session(renderer, "phantom:struts:96");
+    // A device of its own: work counters add up the passes of all tests that share a device.
+    let renderer = Arc::new(limited(renderer, 1 << 20));
+    let session = session(&renderer, "phantom:struts:96");
     let method = shadow::parse("dsm:map=192,epsilon=0.3").unwrap();
     let field = (&session.loaded, &session.transfer);
     let source = Scene::framing(&session.loaded.volume).light().into();
@@ -92,5 +95,5 @@ fn shares_have_equal_work() {
     let mean = cells.iter().sum::<u64>() as f64 / 8.0;
     let most = *cells.iter().max().unwrap() as f64;
     println!("cells by share {cells:?}, largest / mean {:.3}", most / mean);
-    assert!(mean > 1e4 && most <= 1.3 * mean, "{cells:?}");
+    assert!(mean > 1e4 && most <= 1.1 * mean, "{cells:?}");
 }
