@@ -55,7 +55,7 @@ if [[ $run == ci || $run == full ]]; then
     if [[ $run == ci ]]; then
         # CI has 90 minutes, and its machines differ threefold.
         export LEFT_OUT=${TESTED:-}
-        export ADAPTER_TESTS="golden invariance tolerance lines halfangle gradient_opacity sat wavelet shading mesh labels clip"
+        export ADAPTER_TESTS="golden blocks invariance tolerance lines halfangle gradient_opacity sat wavelet shading mesh labels clip"
         cases=ordinary,extinction-step-1e4,uniform-1e6,comb-edge-on,shell-grazing,opacity-1-at-a-point,voxels-1-1-100,shear
         export STABILITY_CASES=$cases,grid-one-voxel,values-1e30,nan,light-inside,epsilon-0,samples-opaque,saddle-cells-5
     fi
