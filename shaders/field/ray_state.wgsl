@@ -54,6 +54,13 @@ fn put_float(number: f32) {
     put_word(bitcast<u32>(number));
 }
 
+fn put_words(words: vec4<u32>) {
+    put_word(words.x);
+    put_word(words.y);
+    put_word(words.z);
+    put_word(words.w);
+}
+
 fn take_word() -> u32 {
     let word = ray_states[next_place];
     next_place += ray_states[0];
@@ -62,5 +69,12 @@ fn take_word() -> u32 {
 
 fn take_float() -> f32 {
     return bitcast<f32>(take_word());
+}
+
+fn take_words() -> vec4<u32> {
+    let x = take_word();
+    let y = take_word();
+    let z = take_word();
+    return vec4<u32>(x, y, z, take_word());
 }
 #endif

@@ -227,7 +227,7 @@ impl BuildContext<'_> {
     pub fn not_by_blocks(&self) -> Error {
         let source = &self.volume.provenance.source;
         let why = "its pages with extinction exceed the device memory, and this method or setting needs all at once";
-        Error::input("cannot build a shadow map of", source, why)
+        Error::input("cannot build a shadow map", source, why)
             .hint("dsm, osm, dom, bom, fourier, moments, wavelet and beer march block by block; --device-memory sets the limit")
     }
 

@@ -134,7 +134,7 @@ impl PageStream {
     /// a page that a ray waits for becomes resident.
     ///
     /// # Errors
-    /// Those of the pass, voxels that cannot be read, or a lost device.
+    /// The pass fails, voxels cannot be read, or the device is lost.
     pub fn sweep(
         &self,
         gpu: &Gpu,

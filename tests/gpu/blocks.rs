@@ -1,16 +1,16 @@
 //! Volumes whose pages exceed the device memory: block by block, pictures, shadows and nodes are those of the whole volume,
 //! to the last bit.
 
-use crate::pages::{Kind, assert_same, devices, limited, shell, waves};
-use crate::{extinction, volume_of};
+use crate::pages::{Kind, assert_same, devices, limited, shell, special, waves};
+use crate::volume_of;
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use std::sync::Arc;
 use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::{Camera, Light, LightSource, Scene, Shading};
 use umbravox::shadow;
-use umbravox::transfer::{LabelRule, LabelVisibility, TransferFunction};
-use umbravox::volume::{Labels, Volume};
+use umbravox::transfer::TransferFunction;
+use umbravox::volume::Volume;
 
 /// Returns sessions with the whole volume on the device, and with at most `pages` pages of it; `None` without a device.
 fn sessions(volume: &Arc<Volume>, tf: &TransferFunction, pages: u64) -> Option<[Session; 2]> {
@@ -115,25 +115,11 @@ fn blocks_follow_cameras_and_lights() {
 
 #[test]
 fn blocks_have_labels_clip_planes_and_gradient_opacity() {
-    let plain = waves([130, 100, 110], Kind::Narrow);
-    let label = |(k, j, i): (usize, usize, usize)| ((i / 5 + j / 7 + k / 9) % 3) as u8;
-    let labels = Array3::from_shape_fn((110, 100, 130), label);
-    let labels = Labels::sampled(&volume_of(labels.into(), plain.world_from_index()), &plain).unwrap();
-    let labelled = Arc::new(Volume::clone(&plain).labelled(Arc::new(labels)).unwrap());
-    let other = extinction(&[(-100.0, 0.0), (300.0, 0.05)]);
-    let rules = vec![
-        LabelRule { labels: vec![1], visibility: LabelVisibility::Hidden },
-        LabelRule { labels: vec![2], visibility: LabelVisibility::Visible(Box::new(other)) },
-    ];
-    let clip = vec!["0.2,0.1,1,20".parse().unwrap()];
-    let with_labels = TransferFunction { rules, clip, ..shell() };
-    let gradient_opacity = "20:0,60:1".parse().unwrap();
-    let with_gradient = TransferFunction { gradient_opacity: Some(gradient_opacity), ..shell() };
     // Pages of these volumes take 2 bytes a voxel, and 3 with labels.
-    for (volume, tf, pages) in [(&labelled, with_labels, 28), (&plain, with_gradient, 18)] {
-        let Some(both) = sessions(volume, &tf, pages) else { return };
-        let scene = Scene { width: 64, height: 48, ..Scene::framing(volume) };
-        assert_same(volume, &both, &scene, &["none", "dsm:map=64"]);
+    for ((volume, tf), pages) in special([130, 100, 110]).into_iter().zip([28, 18]) {
+        let Some(both) = sessions(&volume, &tf, pages) else { return };
+        let scene = Scene { width: 64, height: 48, ..Scene::framing(&volume) };
+        assert_same(&volume, &both, &scene, &["none", "dsm:map=64"]);
     }
 }
 

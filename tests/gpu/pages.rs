@@ -151,11 +151,11 @@ fn all_methods_read_pages() {
     assert_same(&volume, &both, &scene, &methods);
 }
 
-#[test]
-fn labels_clip_planes_and_gradient_opacity_read_pages() {
-    let plain = waves([20, 18, 170], Kind::Narrow);
+/// Volumes of narrow waves: one with labels, functions of labels and a clip plane, and one with gradient opacity.
+pub fn special([nx, ny, nz]: [usize; 3]) -> [(Arc<Volume>, TransferFunction); 2] {
+    let plain = waves([nx, ny, nz], Kind::Narrow);
     let label = |(k, j, i): (usize, usize, usize)| ((i / 5 + j / 7 + k / 9) % 3) as u8;
-    let labels = Array3::from_shape_fn((170, 18, 20), label);
+    let labels = Array3::from_shape_fn((nz, ny, nx), label);
     let labels = Labels::sampled(&volume_of(labels.into(), plain.world_from_index()), &plain).unwrap();
     let labelled = Arc::new(Volume::clone(&plain).labelled(Arc::new(labels)).unwrap());
     let other = extinction(&[(-100.0, 0.0), (300.0, 0.05)]);
@@ -167,10 +167,15 @@ fn labels_clip_planes_and_gradient_opacity_read_pages() {
     let with_labels = TransferFunction { rules, clip, ..shell() };
     let gradient_opacity = "20:0,60:1".parse().unwrap();
     let with_gradient = TransferFunction { gradient_opacity: Some(gradient_opacity), ..shell() };
-    for (volume, tf) in [(&labelled, with_labels), (&plain, with_gradient)] {
-        let Some(both) = sessions(volume, &tf) else { return };
-        let scene = Scene { width: 64, height: 48, ..Scene::framing(volume) };
-        assert_same(volume, &both, &scene, &["rays", "dsm:map=64"]);
+    [(labelled, with_labels), (plain, with_gradient)]
+}
+
+#[test]
+fn labels_clip_planes_and_gradient_opacity_read_pages() {
+    for (volume, tf) in special([20, 18, 170]) {
+        let Some(both) = sessions(&volume, &tf) else { return };
+        let scene = Scene { width: 64, height: 48, ..Scene::framing(&volume) };
+        assert_same(&volume, &both, &scene, &["rays", "dsm:map=64"]);
     }
 }
 

@@ -7,7 +7,7 @@
 #import umbravox::dsm_row_layout::{row_texel, NO_ROW, ROW_NODES}
 #import umbravox::dsm_counters::{counters, blocks, block_of_record, bit_of_record}
 #ifdef RAY_STATES
-#import umbravox::ray_state::{put_word, take_word}
+#import umbravox::ray_state::{put_word, put_words, take_word, take_words}
 #endif
 
 @group(2) @binding(1) var node_texture: texture_storage_2d<rgba32uint, write>;
@@ -166,19 +166,13 @@ fn save_nodes() {
     put_word(rows.row);
     put_word(rows.used);
     put_word(rows.count);
-    put_word(rows.half_row.x);
-    put_word(rows.half_row.y);
-    put_word(rows.half_row.z);
-    put_word(rows.half_row.w);
+    put_words(rows.half_row);
 }
 
 fn load_nodes() {
     rows.row = take_word();
     rows.used = take_word();
     rows.count = take_word();
-    rows.half_row.x = take_word();
-    rows.half_row.y = take_word();
-    rows.half_row.z = take_word();
-    rows.half_row.w = take_word();
+    rows.half_row = take_words();
 }
 #endif

@@ -10,7 +10,7 @@
 #import umbravox::vectors::{vector_map, VECTORS}
 #ifdef RAY_STATES
 #import umbravox::series_range::{save_range, load_range}
-#import umbravox::ray_state::{put_float, take_float}
+#import umbravox::ray_state::{put_words, put_float, take_words, take_float}
 #endif
 
 const TERMS: u32 = #{TERMS};
@@ -97,12 +97,7 @@ fn stored_vector(v: u32) -> vec4<f32> {
 fn save_sink(sink: ptr<function, Sink>) {
     put_float((*sink).optical_depth);
     save_range();
-    for (var v = 0u; v < VECTORS; v++) {
-        put_float(sums[v].x);
-        put_float(sums[v].y);
-        put_float(sums[v].z);
-        put_float(sums[v].w);
-    }
+    for (var v = 0u; v < VECTORS; v++) { put_words(bitcast<vec4<u32>>(sums[v])); }
 }
 
 // Restores the state of a ray that has waited.
@@ -110,11 +105,6 @@ fn load_sink(sink: ptr<function, Sink>) {
     total_depth = take_float();
     (*sink).optical_depth = total_depth;
     load_range();
-    for (var v = 0u; v < VECTORS; v++) {
-        let x = take_float();
-        let y = take_float();
-        let z = take_float();
-        sums[v] = vec4<f32>(x, y, z, take_float());
-    }
+    for (var v = 0u; v < VECTORS; v++) { sums[v] = bitcast<vec4<f32>>(take_words()); }
 }
 #endif

@@ -7,7 +7,7 @@
 #import umbravox::light::light
 #import umbravox::layers::{params, block_texel, plane_at, split_row_bit}
 #ifdef RAY_STATES
-#import umbravox::ray_state::{put_word, put_float, take_word, take_float}
+#import umbravox::ray_state::{put_word, put_words, put_float, take_word, take_words, take_float}
 #endif
 
 // Texels of the record texture hold 1, 2 or 4 words.
@@ -214,10 +214,7 @@ fn save_sink(sink: ptr<function, Sink>) {
     put_word(writer.plane);
     put_float(writer.plane_z);
     put_word(writer.slot);
-    put_word(writer.block.x);
-    put_word(writer.block.y);
-    put_word(writer.block.z);
-    put_word(writer.block.w);
+    put_words(writer.block);
 }
 
 // Restores the state of a ray that has waited.
@@ -233,9 +230,6 @@ fn load_sink(sink: ptr<function, Sink>) {
     writer.plane = take_word();
     writer.plane_z = take_float();
     writer.slot = take_word();
-    let x = take_word();
-    let y = take_word();
-    let z = take_word();
-    writer.block = vec4<u32>(x, y, z, take_word());
+    writer.block = take_words();
 }
 #endif
