@@ -26,7 +26,7 @@ pub struct RunFlags {
     /// Use the graphics adapter whose name contains NAME [default: fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
-    /// Device memory for voxels: parts of a larger volume are left out where empty [default: no limit]
+    /// Device memory for voxels: a larger volume is drawn in pages, block by block if need be [default: no limit]
     #[arg(id = "device-memory", long, value_name = "BYTES")]
     #[serde(rename = "device-memory")]
     pub device_memory: Option<ByteCount>,
