@@ -3,13 +3,13 @@
 use super::answer::CellResult;
 use super::definition::{Cell, Definition, Source};
 use super::external::External;
-use super::folder::Folder;
+use super::folder::{Conditions, Folder};
 use super::measure::{CellJob, compared, effort};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
-use crate::measure::facts::REVISION;
+use crate::measure::facts::{Facts, REVISION};
 use crate::measure::job::Job;
 use crate::measure::small_scene::small_scene;
 use crate::open::{Loaded, SceneSettings, VolumeSpec};
@@ -236,21 +236,21 @@ impl Run<'_> {
         Ok(lines)
     }
 
-    /// Measures the recorded settings of all selected cells again, and compares errors and memory. `is_same_adapter` says
-    /// that they were recorded on this adapter and driver.
+    /// Measures the recorded settings of all selected cells again, and compares errors and memory. `before` says
+    /// on which adapter and driver they were recorded.
     ///
     /// # Errors
     /// See [`Self::visit`]; or a result cannot be read.
     pub fn verify(
         &self,
         folder: &Folder,
-        is_same_adapter: bool,
+        before: &Conditions,
         renderer: &Arc<Renderer>,
         watch: Watch,
     ) -> Result<Verified> {
-        let mut verified = Verified::default();
+        let (mut verified, facts) = (Verified::default(), Facts::of(renderer.gpu()));
         self.visit(renderer, watch, &mut |cell, job| match folder.result(cell)? {
-            Some(recorded) => job.verify(&recorded, is_same_adapter, &mut verified),
+            Some(recorded) => job.verify(&recorded, (before, &facts), &mut verified),
             None => Ok(()),
         })?;
         Ok(verified)

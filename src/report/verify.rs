@@ -21,8 +21,36 @@ const VERIFIED: [&str; 11] = [
     "flicker",
 ];
 
-/// Tolerance of numbers that were recorded on another adapter or driver: relative, and absolute.
-pub const OTHER_ADAPTER: [f64; 2] = [0.02, 1e-4];
+/// What differs between the program that recorded a value and this one, which decides how well they must agree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recorder {
+    /// Nothing: adapter, driver and revision are the same.
+    Same,
+    /// The revision of the program: compilers round sums in another order.
+    OtherRevision,
+    /// The adapter or its driver.
+    OtherAdapter,
+}
+
+impl Recorder {
+    /// Compares the adapter, the driver and the revision of a recorded value with those of this program.
+    pub fn of(recorded: [&str; 3], here: [&str; 3]) -> Self {
+        match recorded == here {
+            true => Self::Same,
+            false if recorded[..2] == here[..2] => Self::OtherRevision,
+            false => Self::OtherAdapter,
+        }
+    }
+
+    /// Relative and absolute tolerance of numbers.
+    fn tolerance(self) -> [f64; 2] {
+        match self {
+            Self::Same => [0.0; 2],
+            Self::OtherRevision => [1e-5, 1e-8],
+            Self::OtherAdapter => [0.02, 1e-4],
+        }
+    }
+}
 
 /// Recorded value that differs from a new measurement.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,17 +75,11 @@ pub struct Verified {
 }
 
 impl Verified {
-    /// Compares a recorded value with a measured one, as texts. With `is_same_adapter` they must be equal, else numbers
-    /// within [`OTHER_ADAPTER`].
-    pub fn compare(
-        &mut self,
-        row: &str,
-        column: &str,
-        [recorded, measured]: [&str; 2],
-        is_same_adapter: bool,
-    ) {
+    /// Compares a recorded value with a measured one, as texts. If `by` is [`Recorder::Same`] they must be equal, else
+    /// numbers may differ a little.
+    pub fn compare(&mut self, row: &str, column: &str, [recorded, measured]: [&str; 2], by: Recorder) {
         self.values += 1;
-        if recorded == measured || !is_same_adapter && is_close(recorded, measured) {
+        if recorded == measured || is_close([recorded, measured], by) {
             return;
         }
         let [row, column, recorded, measured] = [row, column, recorded, measured].map(str::to_owned);
@@ -65,8 +87,8 @@ impl Verified {
     }
 }
 
-fn is_close(recorded: &str, measured: &str) -> bool {
-    let [relative, absolute] = OTHER_ADAPTER;
+fn is_close([recorded, measured]: [&str; 2], by: Recorder) -> bool {
+    let [relative, absolute] = by.tolerance();
     match (recorded.parse::<f64>(), measured.parse::<f64>()) {
         (Ok(a), Ok(b)) => (a - b).abs() <= absolute + relative * a.abs(),
         _ => false,
@@ -114,18 +136,19 @@ impl Archive {
         let names: Vec<_> =
             names.filter(|name| VERIFIED.iter().any(|start| name.starts_with(start))).collect();
         for (recorded, row) in self.rows.iter().zip(measured) {
-            let is_same = ["adapter", "driver"]
-                .iter()
-                .all(|name| recorded.get(*name) == Some(&row.cell(name).to_string()));
+            let facts = ["adapter", "driver", "revision"];
+            let before = facts.map(|name| recorded.get(name).map_or("", String::as_str));
+            let here = facts.map(|name| row.cell(name).to_string());
+            let by = Recorder::of(before, here.each_ref().map(String::as_str));
             let title = format!("{}: {}", row.scene, row.spec());
             for name in &names {
                 // Columns that a later version added are not compared.
                 let Some(text) = recorded.get(*name) else { continue };
-                // Random numbers depend on the last bits of positions, which differ between adapters.
-                if row.point_variance.is_some() && !is_same && !["map", "bytes"].contains(name) {
+                // Random numbers depend on the last bits of positions.
+                if row.point_variance.is_some() && by != Recorder::Same && !["map", "bytes"].contains(name) {
                     continue;
                 }
-                verified.compare(&title, name, [text, &row.cell(name).to_string()], is_same);
+                verified.compare(&title, name, [text, &row.cell(name).to_string()], by);
             }
         }
         verified
@@ -137,23 +160,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_are_equal_on_one_adapter_and_close_on_another() {
+    fn tolerance_depends_on_what_differs() {
+        use Recorder::{OtherAdapter, OtherRevision, Same};
+        let by = |driver, revision| Recorder::of(["a", "d", "r"], ["a", driver, revision]);
+        assert_eq!([by("d", "r"), by("d", "s"), by("e", "r")], [Same, OtherRevision, OtherAdapter]);
         let mut verified = Verified::default();
-        for (values, is_same) in [
-            (["0.0123", "0.0123"], true),
-            (["0.0123", "0.0124"], false),
-            (["", ""], false),
-            (["12", "12"], true),
+        for (values, by) in [
+            (["0.0123", "0.0123"], Same),
+            (["0.0123", "0.0123000001"], OtherRevision),
+            (["0.0123", "0.0124"], OtherAdapter),
+            (["", ""], OtherAdapter),
+            (["12", "12"], Same),
         ] {
-            verified.compare("r", "c", values, is_same);
+            verified.compare("r", "c", values, by);
         }
-        assert_eq!((verified.values, &verified.differences[..]), (4, &[][..]));
-        for (values, is_same) in
-            [(["0.0123", "0.0124"], true), (["0.0123", "0.02"], false), (["", "0.1"], false)]
-        {
-            verified.compare("r", "c", values, is_same);
+        assert_eq!((verified.values, &verified.differences[..]), (5, &[][..]));
+        for (values, by) in [
+            (["0.0123", "0.0123000001"], Same),
+            (["0.0123", "0.0124"], OtherRevision),
+            (["0.0123", "0.02"], OtherAdapter),
+            (["", "0.1"], OtherAdapter),
+        ] {
+            verified.compare("r", "c", values, by);
         }
-        assert_eq!(verified.differences.len(), 3);
+        assert_eq!(verified.differences.len(), 4);
         assert_eq!(verified.differences[0].recorded, "0.0123");
     }
 }
