@@ -44,5 +44,5 @@ pub(super) fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &
     }
     let factors = room.factors(volume.dims(), volume.element().memory_bytes());
     let factors = factors.map_err(|why| Error::input("cannot downsample volume", "--downsample", why))?;
-    volume.downsampled(factors, loading)
+    if factors == [1; 3] { Ok(volume) } else { volume.downsampled(factors, loading) }
 }

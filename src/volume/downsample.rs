@@ -1,7 +1,7 @@
 //! Downsamples a volume to means of voxel blocks, by integer factors along each axis.
 
 use super::{ByteCount, Volume, Voxel, VoxelBlock, Voxels};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::memory_budget::reduced_dims;
 use crate::with_voxel_type;
@@ -9,6 +9,7 @@ use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// Amount of downsampling of a volume: automatic, by a memory limit, or by given factors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,18 +125,13 @@ impl<T: Voxel> BlockMeans<T> {
 
 impl Volume {
     /// Downsamples the volume to means of voxel blocks, rounded to the stored type. Incomplete blocks at the far ends
-    /// are averaged too.
+    /// are averaged too. The label of a block is that of the voxel in its middle.
     ///
     /// # Errors
     /// There is not enough memory for the downsampled voxels, or downsampling was cancelled.
-    pub fn downsampled(self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
-        if factors == [1; 3] {
-            return Ok(self);
-        }
-        let none = || {
-            let why = "not enough memory for the downsampled voxels";
-            crate::error::Error::runtime("cannot reduce volume", &self.provenance.source, why)
-        };
+    pub fn downsampled(&self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
+        let refuse = |why: &str| Error::runtime("cannot reduce volume", &self.provenance.source, why);
+        let none = || refuse("not enough memory for the downsampled voxels");
         let dims = self.dims();
         let voxels = with_voxel_type!(self.element(), T => {
             let mut means = BlockMeans::<T>::new(dims, factors).ok_or_else(none)?;
@@ -145,8 +141,12 @@ impl Volume {
             }
             Voxels::from(means.finish().ok_or_else(none)?)
         });
-        let volume = Self::new_with(voxels, self.scaling, self.world_from_index, self.provenance, loading)?;
-        Ok(volume.downsampled_from(factors, dims))
+        let provenance = self.provenance.clone();
+        let volume = Self::new_with(voxels, self.scaling, self.world_from_index, provenance, loading)?;
+        let volume = volume.downsampled_from(factors, dims);
+        let Some(labels) = self.labels() else { return Ok(volume) };
+        let labels = labels.downsampled(dims, factors).map_err(|why| refuse(&why))?;
+        volume.labelled(Arc::new(labels))
     }
 
     /// Adjusts the affine of a volume that was downsampled from a grid of `from` voxels, and adds a warning that it
@@ -196,7 +196,7 @@ mod tests {
         let provenance = Provenance::new("test", "test", "float32");
         let scaling = Scaling { slope: 2.0, intercept: 1.0 };
         let whole = Volume::new(Voxels::F32(values), scaling, affine, provenance).unwrap();
-        let part = whole.clone().downsampled([2, 1, 3], &Loading::default()).unwrap();
+        let part = whole.downsampled([2, 1, 3], &Loading::default()).unwrap();
         assert_eq!(part.dims(), [4, 4, 2]);
         for (k, j, i) in [(0, 0, 0), (0, 3, 2), (1, 2, 3)] {
             let (mut sum, mut count, mut place) = (0.0, 0.0, DVec3::ZERO);

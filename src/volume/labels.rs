@@ -1,6 +1,6 @@
 //! Segmentation labels of the voxels of a volume.
 
-use crate::files::memory_budget::refuse_beyond_host;
+use crate::files::memory_budget::{reduced_dims, refuse_beyond_host};
 use rayon::prelude::*;
 
 /// Largest number of different segmentation labels of a volume, including label 0.
@@ -73,6 +73,20 @@ impl Labels {
         let mut counts = vec![0; ids.len()];
         ranks.iter().for_each(|rank| counts[usize::from(*rank)] += 1);
         Ok(Self { ids, ranks, counts, segments: Vec::new(), resampled })
+    }
+
+    /// Returns the labels of the middle voxels of blocks of `factors` voxels, in a volume of `dims` voxels.
+    pub(super) fn downsampled(&self, dims: [usize; 3], factors: [usize; 3]) -> Result<Self, String> {
+        let [nx, ny, _] = dims;
+        let [width, height, depth] = reduced_dims(dims, factors);
+        let label_at = |at: usize| {
+            let block = [at % width, at / width % height, at / (width * height)];
+            let middle = |a: usize| (block[a] * factors[a] + factors[a] / 2).min(dims[a] - 1);
+            let [i, j, k] = [0, 1, 2].map(middle);
+            Ok(self.ids[usize::from(self.ranks[(k * ny + j) * nx + i])])
+        };
+        let labels = Self::new(width * height * depth, label_at, self.resampled)?;
+        Ok(Self { segments: self.segments.clone(), ..labels })
     }
 
     /// Returns the segmentation labels that occur in the volume, ascending.

@@ -70,7 +70,7 @@ fn all_that_is_computed_from_voxels_is_the_same_in_parts() {
             volume.clone().cropped("5:100,,70:".parse().unwrap(), &Default::default()).unwrap()
         };
         assert_eq!(joined(&crop(&parts)), *crop(&whole).resident().unwrap());
-        let reduced = |volume: &Volume| volume.clone().downsampled([2, 3, 1], &Default::default()).unwrap();
+        let reduced = |volume: &Volume| volume.downsampled([2, 3, 1], &Default::default()).unwrap();
         assert_eq!(reduced(&parts).resident(), reduced(&whole).resident());
         let fields = [&whole, &parts].map(|volume| ExactField::new(volume, &tf));
         let corners = whole.corners_mm();
