@@ -102,6 +102,7 @@ impl App {
                     self.times.note(&frame);
                     model.take_frame(*frame);
                 }
+                Event::Pages(pages) => model.pages = Some(pages),
                 Event::Unchanged { revision } => model.take_unchanged(revision),
                 Event::Probed(result) => {
                     self.slices.go_to(model.document.as_ref(), result.point);

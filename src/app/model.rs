@@ -6,12 +6,12 @@ use super::curve::Edit;
 use super::document::Document;
 use super::settings::Settings;
 use super::split::Split;
-use crate::engine::RenderThread;
 use crate::engine::messages::{
     Export, Exported, Frame, FrameRequest, FrameSettings, Job, ProbeRequest, ProbeResult, ProbeTarget,
 };
 use crate::engine::reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 use crate::engine::task::Wake;
+use crate::engine::{RenderThread, ResidentPages};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -73,6 +73,8 @@ pub struct Model {
     pub exporting: Option<Exporting>,
     /// Last picture received from the render thread, coarse or at full quality.
     pub frame: Option<Frame>,
+    /// Pages of the volume on the device; `None` if it is one texture.
+    pub pages: Option<ResidentPages>,
     /// Settings of the last requested picture, used to skip a request for an identical picture.
     pub requested: Option<FrameSettings>,
     /// Whether the picture on screen has full quality and belongs to the last picture request.
@@ -116,6 +118,7 @@ impl Model {
             uploading: false,
             exporting: None,
             frame: None,
+            pages: None,
             requested: None,
             settled: false,
             split: Split::default(),
@@ -340,6 +343,7 @@ impl Model {
     pub fn take_frame(&mut self, frame: Frame) {
         self.frames += 1;
         self.settled = frame.is_final && frame.revision == self.revision;
+        self.pages = frame.pages;
         self.frame = Some(frame);
     }
 

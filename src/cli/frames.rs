@@ -311,7 +311,7 @@ impl FrameWriter<'_> {
             let scene = (self.scene)(session, position)?;
             let mut work = Work::default();
             let show_map = |number, count| self.progress.show_map(number, count);
-            let building = Building { deferred: None, watch: Some(&show_map) };
+            let building = Building { watch: Some(&show_map), ..Building::default() };
             let prepared =
                 session.prepare_with(method, (&scene, MapCoverage::Picture), &mut work, building)?;
             self.progress.show_rays(0.0);

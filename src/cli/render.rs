@@ -151,7 +151,7 @@ impl RenderJob<'_> {
         let exact = asked.then(|| exact_field((volume, tf), strands.as_deref(), scene)).transpose()?;
         let extent = (scene, MapCoverage::Picture);
         let show_map = |number, count| self.progress.show_map(number, count);
-        let building = Building { deferred: None, watch: Some(&show_map) };
+        let building = Building { watch: Some(&show_map), ..Building::default() };
         let mut work = Work::default();
         let prepared = session.prepare_with(self.method.as_ref(), extent, &mut work, building)?;
         self.progress.show_rays(0.0);

@@ -4,7 +4,7 @@
 use super::invalidation::{Change, Stage};
 use super::shadow_cache::{Building, MapCoverage, MapSource, ShadowCache, Work};
 use crate::error::{Error, Result};
-use crate::field::{DeferredPasses, LoadedVolume};
+use crate::field::{DeferredPasses, LoadedVolume, PageStream, PageUsage};
 use crate::render::{DeviceTransfer, DisabledOptimizations, Picture, Renderer};
 use crate::scene::Scene;
 use crate::shadow::{Method, ShadowMap, mapped_lights};
@@ -22,6 +22,33 @@ pub struct CachedSession {
     transfer: Option<(TransferFunction, DeviceTransfer)>,
     forced: DisabledOptimizations,
     shadows: ShadowCache,
+}
+
+/// Pages of a volume on the device, which change while a picture is drawn block by block.
+pub struct DevicePages {
+    usage: PageUsage,
+    stream: Option<Arc<PageStream>>,
+}
+
+impl DevicePages {
+    /// Returns which pages are resident now.
+    pub fn resident(&self) -> ResidentPages {
+        let Self { usage, stream } = self;
+        let resident = stream.as_ref().map_or(usage.needed, |stream| stream.resident_pages());
+        let loads = stream.as_ref().map(|stream| stream.usage().blocks);
+        ResidentPages { needed: usage.needed, resident, loads }
+    }
+}
+
+/// Numbers of pages of a volume on the device.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ResidentPages {
+    /// Number of pages that the transfer function needs.
+    pub needed: usize,
+    /// Number of pages that are resident.
+    pub resident: usize,
+    /// Number of blocks of pages that became resident so far; `None` if all needed pages are resident.
+    pub loads: Option<u64>,
 }
 
 /// Intended duration of the submissions of [`Prepared::render_watched`], ms.
@@ -106,6 +133,17 @@ impl CachedSession {
     pub fn source(&self) -> Option<MapSource<'_>> {
         let (loaded, (_, transfer)) = self.loaded.as_ref().zip(self.transfer.as_ref())?;
         Some(MapSource { renderer: &self.renderer, loaded, transfer })
+    }
+
+    /// Whether the pages that the transfer function needs exceed the device memory, and pictures are drawn block by block.
+    pub fn streams(&self) -> bool {
+        self.transfer.as_ref().is_some_and(|(_, transfer)| transfer.stream().is_some())
+    }
+
+    /// Returns the pages of the volume on the device; `None` if it is one texture.
+    pub fn pages(&self) -> Option<DevicePages> {
+        let (_, transfer) = self.transfer.as_ref()?;
+        Some(DevicePages { usage: transfer.pages?, stream: transfer.stream().cloned() })
     }
 
     /// Sets the session's transfer function, updates its lookup tables, and removes shadow maps that are no longer

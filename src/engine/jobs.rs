@@ -7,7 +7,7 @@ use super::messages::{
     Event, Export, MethodCurve, ProbeRequest, ProbeResult, ProbeTarget, Thumbnail, ThumbnailRequest,
 };
 use super::probe_bound::test_bound;
-use super::shadow_cache::{MapCoverage, Work};
+use super::shadow_cache::{Building, MapCoverage, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::picture::write_picture_with;
@@ -80,12 +80,17 @@ pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &Event
 }
 
 /// Renders the thumbnail of a transfer-function preset with separate lookup tables. The tables of the picture on
-/// screen stay.
-pub fn thumbnail(session: &CachedSession, request: ThumbnailRequest, events: &EventSender) -> Result<()> {
+/// screen stay. A reduced copy of the volume takes its place.
+pub fn thumbnail(
+    (session, copy): (&CachedSession, Option<&CachedSession>),
+    request: ThumbnailRequest,
+    events: &EventSender,
+) -> Result<()> {
     let ThumbnailRequest { index, tf, scene, volume } = request;
-    let Some(loaded) = session.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {
+    if session.loaded.as_ref().is_none_or(|loaded| !Arc::ptr_eq(&loaded.volume, &volume)) {
         return Ok(());
-    };
+    }
+    let Some(loaded) = copy.unwrap_or(session).loaded.as_ref() else { return Ok(()) };
     let renderer = &session.renderer;
     let transfer = renderer.transfer(loaded, &tf, DisabledOptimizations::NONE)?;
     let shadows = renderer.shadows_in(loaded, &transfer, &NoShadows, &scene, None)?;
@@ -111,11 +116,12 @@ pub fn export(
     }
     let mut work = Work::default();
     session.set_transfer(&export.tf, &mut work)?;
-    let made = session.prepare(
-        export.method.method()?.as_ref(),
-        (&export.scene, MapCoverage::Picture),
-        &mut work,
-    )?;
+    let (method, extent) = (export.method.method()?, (&export.scene, MapCoverage::Picture));
+    let building = Building { go_on: Some(&proceed), ..Building::default() };
+    let made = match session.prepare_with(method.as_ref(), extent, &mut work, building) {
+        Err(error) if error.is_cancelled() => return Ok(false),
+        made => made?,
+    };
     let mut last = -1.0_f32;
     let go_on = |share: f32| {
         if share - last >= 0.01 {

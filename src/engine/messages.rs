@@ -1,5 +1,6 @@
 //! Messages between the viewer window and the render thread.
 
+use super::cached_session::ResidentPages;
 use super::reading::OpenedVolume;
 use super::shadow_cache::Work;
 use crate::error::{Error, Result};
@@ -49,6 +50,8 @@ pub enum Job {
 pub enum Event {
     Uploaded(Box<OpenedVolume>),
     Frame(Box<Frame>),
+    /// Pages of the volume that are resident while a picture is drawn block by block.
+    Pages(ResidentPages),
     /// Message that an edit does not alter the picture, because no voxel has the edited scalar values.
     Unchanged {
         revision: u64,
@@ -86,11 +89,15 @@ pub struct Frame {
     pub other: Option<MethodFrame>,
     /// Whether the picture has full quality, so that no refinement follows.
     pub is_final: bool,
+    /// Whether the picture shows a reduced copy of the volume.
+    pub is_reduced: bool,
     pub work: Work,
     /// Time from the user's input to the finished picture, ms.
     pub latency_ms: f64,
     /// Duration of the longest GPU submission while the picture was rendered, ms.
     pub longest_band_ms: f64,
+    /// Pages of the volume on the device; `None` if it is one texture.
+    pub pages: Option<ResidentPages>,
     /// Index of the request that this picture answers.
     pub revision: u64,
 }

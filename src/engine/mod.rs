@@ -12,12 +12,13 @@ mod probe_bound;
 mod progressive;
 mod quality;
 pub(crate) mod reading;
+mod reduced_copy;
 mod render_thread;
 mod rotation;
 mod shadow_cache;
 pub mod task;
 
-pub use cached_session::{CachedSession, Prepared};
+pub use cached_session::{CachedSession, Prepared, ResidentPages};
 pub use invalidation::{Change, INVALIDATES, Stage};
 pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;

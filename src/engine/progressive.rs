@@ -3,9 +3,10 @@
 use super::cached_session::CachedSession;
 use super::invalidation::Stage;
 use super::mailbox::{EventSender, Mailbox};
-use super::messages::{Event, Frame, FrameRequest, MethodFrame};
+use super::messages::{Event, Frame, FrameRequest, FrameSettings, MethodFrame};
 use super::quality::{Quality, Speeds};
 use super::reading::{OpenedVolume, suitable_shading};
+use super::reduced_copy::{ReducedCopy, limit_beside_copy};
 use super::shadow_cache::{Building, MapCoverage, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
 use crate::field::DeferredPasses;
@@ -28,6 +29,8 @@ const MAX_TEXTURES: usize = 8;
 /// Progressive renderer: renders each requested picture first coarsely, then at full quality.
 pub struct ProgressiveRenderer {
     pub session: CachedSession,
+    /// Copy of the volume for coarse pictures, if its pages exceed the device memory.
+    pub reduced: ReducedCopy,
     textures: Vec<Arc<DisplayTexture>>,
     speeds: Speeds,
     /// Settings of the last picture rendered at full quality, used to skip a request for an identical picture.
@@ -36,12 +39,15 @@ pub struct ProgressiveRenderer {
 
 impl ProgressiveRenderer {
     pub fn new(gpu: Gpu) -> Self {
+        let limit = gpu.memory_limit.map(limit_beside_copy);
+        let gpu = gpu.with_memory_limit(limit);
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let submission_ms = if software { SOFTWARE_BAND_MS } else { BAND_MS };
         let renderer = Arc::new(Renderer::live(gpu, submission_ms));
         let cache = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Covering);
         Self {
             session: CachedSession::new(renderer, DisabledOptimizations::NONE, cache),
+            reduced: ReducedCopy::default(),
             textures: Vec::new(),
             speeds: Speeds::new(submission_ms),
             shown: None,
@@ -52,6 +58,7 @@ impl ProgressiveRenderer {
     /// incomplete.
     pub fn reset(&mut self) {
         self.session.unload();
+        self.reduced = ReducedCopy::default();
         self.textures.clear();
         self.shown = None;
     }
@@ -59,6 +66,7 @@ impl ProgressiveRenderer {
     /// Uploads a volume to the graphics device. On failure the previous volume stays.
     pub fn upload(&mut self, opened: Box<OpenedVolume>, events: &EventSender) -> Result<()> {
         self.session.load(Arc::clone(&opened.volume), opened.strands.clone())?;
+        self.reduced = ReducedCopy::default();
         self.shown = None;
         events.send(Event::Uploaded(opened));
         Ok(())
@@ -82,25 +90,54 @@ impl ProgressiveRenderer {
             events.send(Event::Unchanged { revision: request.revision });
             return Ok(true);
         }
-        if !self.speeds.is_fast(&full, settings, &self.session) {
-            let coarse = self.speeds.coarse(&full, settings, &self.session);
-            if coarse != full {
-                self.shown = None;
-                if let Some(frame) = self.draw(request, &coarse, false, work, || true)? {
-                    events.send(Event::Frame(Box::new(frame)));
-                }
-                // The full-quality picture reports the time of the tables, but not that of the coarse map.
-                work.build_ms = None;
-                if mailbox.wait_for_request(REST) {
-                    return Ok(false);
-                }
+        if self.session.streams() && !self.reduce(settings, mailbox, events) {
+            return Ok(false);
+        }
+        if let Some(coarse) = self.coarse(&full, settings) {
+            self.shown = None;
+            if let Some(frame) = self.draw(request, &coarse, false, work, || true)? {
+                events.send(Event::Frame(Box::new(frame)));
+            }
+            // The full-quality picture reports the time of the tables, but not that of the coarse map.
+            work.build_ms = None;
+            if mailbox.wait_for_request(REST) {
+                return Ok(false);
             }
         }
-        let frame = self.draw(request, &full, true, work, || !mailbox.has_requests())?;
+        let pages = self.session.pages();
+        let proceed = || {
+            pages.iter().for_each(|pages| events.send(Event::Pages(pages.resident())));
+            !mailbox.has_requests()
+        };
+        let frame = self.draw(request, &full, true, work, proceed)?;
         let Some(frame) = frame else { return Ok(false) };
         self.shown = Some(shown);
         events.send(Event::Frame(Box::new(frame)));
         Ok(true)
+    }
+
+    /// Makes the reduced copy of a volume that is drawn block by block. Returns `false` if a request ended the wait for it.
+    fn reduce(&mut self, settings: &FrameSettings, mailbox: &Mailbox, events: &EventSender) -> bool {
+        let set = |copy: &mut CachedSession| copy.set_transfer(&settings.tf, &mut Work::default());
+        match self.reduced.session(&self.session, mailbox).and_then(|copy| copy.map(set).transpose()) {
+            Ok(Some(_)) => true,
+            Ok(None) => !mailbox.has_requests(),
+            Err(error) => {
+                events.send(Event::Failed(error));
+                true
+            }
+        }
+    }
+
+    /// Returns the quality of a coarse picture that comes before one at full quality; `None` if that takes little time, or
+    /// if the volume is drawn block by block and has no reduced copy.
+    fn coarse(&mut self, full: &Quality, settings: &FrameSettings) -> Option<Quality> {
+        if self.session.streams() {
+            return Some(self.speeds.coarse(full, settings, self.reduced.ready()?));
+        }
+        let is_fast = self.speeds.is_fast(full, settings, &self.session);
+        let coarse = (!is_fast).then(|| self.speeds.coarse(full, settings, &self.session))?;
+        (coarse != *full).then_some(coarse)
     }
 
     /// Renders the picture of each shadow method at a given quality. Returns `None` if `proceed` stopped the
@@ -137,8 +174,20 @@ impl ProgressiveRenderer {
         );
         let mut sides = sides.into_iter();
         let Some(main) = sides.next() else { return Ok(None) };
+        let pages = self.session.pages().map(|pages| pages.resident());
         let (other, revision) = (sides.next(), request.revision);
-        Ok(Some(Frame { main, other, is_final, work, latency_ms, longest_band_ms, revision }))
+        let is_reduced = !is_final && self.session.streams();
+        Ok(Some(Frame {
+            main,
+            other,
+            is_final,
+            is_reduced,
+            work,
+            latency_ms,
+            longest_band_ms,
+            pages,
+            revision,
+        }))
     }
 
     /// Renders the picture of one shadow method. With `joint`, the builds of its shadow maps are submitted with the
@@ -156,12 +205,20 @@ impl ProgressiveRenderer {
         let mut built = Work::default();
         let deferred = DeferredPasses::default();
         let extent = (scene, MapCoverage::Picture);
-        let building = Building { deferred: joint.then_some(&deferred), watch: None };
-        let made = self.session.prepare_with(method.as_ref(), extent, &mut built, building)?;
+        let streams = self.session.streams();
+        let session = drawn_by(&mut self.session, &mut self.reduced, is_final);
+        let go_on = streams.then_some(proceed as &dyn Fn() -> bool);
+        let building = Building { deferred: joint.then_some(&deferred), watch: None, go_on };
+        let made = match session.prepare_with(method.as_ref(), extent, &mut built, building) {
+            Err(error) if error.is_cancelled() => return Ok(None),
+            made => made?,
+        };
         let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
         let is_built = deferred.is_empty();
+        // Builds block by block do not tell how long those of the copy take.
+        let learns = !(streams && is_final);
         if is_built {
-            record_build(&mut self.speeds, (spec, map), built, work);
+            record_build(learns.then_some(&mut self.speeds), (spec, map), built, work);
         }
         if !proceed() {
             return Ok(None);
@@ -171,16 +228,18 @@ impl ProgressiveRenderer {
         let screen = Screen { target: &texture, pace };
         let shadows = LightMaps::from(made.shadows).after(&deferred);
         let drawn = made.renderer.draw_to(screen, (made.loaded, made.transfer), shadows, scene, proceed)?;
-        let is_complete = self.session.complete(method.as_ref(), deferred, &mut built)?;
+        let session = drawn_by(&mut self.session, &mut self.reduced, is_final);
+        let is_complete = session.complete(method.as_ref(), deferred, &mut built)?;
         let Some(drawn) = drawn else { return Ok(None) };
         if !is_complete {
             // A map lacks memory: it is built alone, and grows.
             return self.draw_side(spec, scene, is_final, false, work, proceed);
         }
         if !is_built {
-            record_build(&mut self.speeds, (spec, map), built, work);
+            record_build(learns.then_some(&mut self.speeds), (spec, map), built, work);
         }
-        let made = self.session.prepare(method.as_ref(), extent, &mut Work::default())?;
+        let session = drawn_by(&mut self.session, &mut self.reduced, is_final);
+        let made = session.prepare(method.as_ref(), extent, &mut Work::default())?;
         let side = MethodFrame {
             texture,
             spec: format!("{spec:#}"),
@@ -193,11 +252,26 @@ impl ProgressiveRenderer {
     }
 }
 
+/// Returns the session that draws a picture: before the final one of a volume that is drawn block by block, that of its
+/// reduced copy.
+fn drawn_by<'a>(
+    full: &'a mut CachedSession,
+    reduced: &'a mut ReducedCopy,
+    is_final: bool,
+) -> &'a mut CachedSession {
+    match reduced.ready() {
+        Some(copy) if full.streams() && !is_final => copy,
+        _ => full,
+    }
+}
+
 /// Adds the build time of the shadow maps of a method to the work of a picture, and records it for later pictures.
-fn record_build(speeds: &mut Speeds, (spec, map): (&MethodSpec, u32), built: Work, work: &mut Work) {
+fn record_build(speeds: Option<&mut Speeds>, (spec, map): (&MethodSpec, u32), built: Work, work: &mut Work) {
     if let Some(ms) = built.build_ms {
         *work.build_ms.get_or_insert(0.0) += ms;
-        speeds.record_build(spec, map, ms / built.built.max(1) as f64);
+        if let Some(speeds) = speeds {
+            speeds.record_build(spec, map, ms / built.built.max(1) as f64);
+        }
     }
 }
 

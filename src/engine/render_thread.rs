@@ -105,7 +105,10 @@ fn handle(
         Job::Upload(opened) => renderer.upload(opened, events),
         Job::Probe(request) => jobs::probe(session, &request, events),
         Job::Difference(request) => heat_map::compare(session, &request, || !mailbox.has_requests(), events),
-        Job::Thumbnail(request) => jobs::thumbnail(session, *request, events),
+        Job::Thumbnail(request) => {
+            let copy = renderer.reduced.ready().map(|copy| &*copy);
+            jobs::thumbnail((session, copy), *request, events)
+        }
         Job::Export(export) => {
             mailbox.cancel_export.store(false, Ordering::Relaxed);
             let proceed = || !mailbox.cancel_export.load(Ordering::Relaxed);

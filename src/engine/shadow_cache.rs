@@ -1,7 +1,7 @@
 //! Cache of shadow maps that several pictures share.
 
 use crate::error::Result;
-use crate::field::{DeferredPasses, View};
+use crate::field::{BuildPasses, DeferredPasses, View};
 use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Method, ShadowMap, mapped_lights};
@@ -29,6 +29,8 @@ pub struct Building<'a> {
     pub deferred: Option<&'a DeferredPasses>,
     /// Receives, before each build, the number of maps that are built and the number of maps to build.
     pub watch: Option<&'a dyn Fn(usize, usize)>,
+    /// Called between submissions of a build; `false` cancels it.
+    pub go_on: Option<&'a dyn Fn() -> bool>,
 }
 
 /// Region in which a shadow map must be valid: the visible points of a picture, or all points of the volume.
@@ -203,14 +205,14 @@ impl ShadowCache {
     /// [`Self::complete`] has to follow: otherwise the next call discards these maps.
     ///
     /// # Errors
-    /// A shadow map that the graphics adapter cannot hold.
+    /// A shadow map that the graphics adapter cannot hold, or `building.go_on` cancelled a build.
     pub fn prepare(
         &mut self,
         source: MapSource<'_>,
         method: &dyn Method,
         (scene, coverage): (&Scene, MapCoverage),
         work: &mut Work,
-        Building { deferred, watch }: Building<'_>,
+        Building { deferred, watch, go_on }: Building<'_>,
     ) -> Result<Vec<&ShadowMap>> {
         self.maps.retain(|map| map.deferred.is_none());
         let acceptable = Acceptable::new(source, method, scene, coverage.view(scene));
@@ -239,7 +241,8 @@ impl ShadowCache {
             watch.iter().filter(|_| acceptable.needs_shadows()).for_each(|watch| watch(built, count));
             let first = deferred.map_or(0, DeferredPasses::len);
             let field = (loaded, transfer);
-            let map = renderer.shadow_with(field, method, (scene, &light), view.as_ref(), deferred)?;
+            let passes = BuildPasses { deferred, go_on, recorder: None };
+            let map = renderer.shadow_with(field, method, (scene, &light), view.as_ref(), passes)?;
             let passes = first..deferred.map_or(0, DeferredPasses::len);
             let deferred = (!passes.is_empty()).then_some(passes);
             if acceptable.needs_shadows() {

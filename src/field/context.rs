@@ -37,12 +37,21 @@ pub struct BuildContext<'a> {
     pub extent: &'a Extent,
     /// Camera view in which the shadow map is needed; `None`: at all points.
     pub view: Option<&'a View>,
-    /// Passes that wait for the submission of the picture; `None` if passes run at once.
-    pub deferred: Option<&'a DeferredPasses>,
     /// Share of the map's texels that this process builds.
     pub share: WorkShare,
+    /// Way in which the passes of the build run.
+    pub passes: BuildPasses<'a>,
+}
+
+/// Way in which the passes of a build run. The default runs all of them at once.
+#[derive(Clone, Copy, Default)]
+pub struct BuildPasses<'a> {
+    /// Passes that wait for the submission of the picture; `None` if passes run at once.
+    pub deferred: Option<&'a DeferredPasses>,
     /// Recorder of the passes, for another program; `None` if they only run.
     pub recorder: Option<&'a BuildRecorder>,
+    /// Called before each submission; `false` cancels the build.
+    pub go_on: Option<&'a dyn Fn() -> bool>,
 }
 
 /// List of shadow-map tiles (or blocks of nodes) on the device, over which a compute pass runs.
@@ -113,7 +122,7 @@ impl BuildContext<'_> {
     /// Returns a context whose passes are not deferred, for builds whose passes depend on each other.
     #[must_use]
     pub fn at_once(&self) -> Self {
-        Self { deferred: None, ..*self }
+        Self { passes: BuildPasses { deferred: None, ..self.passes }, ..*self }
     }
 
     /// Runs one compute pass of a shadow-map build. Its shader reads the volume and the transfer function; `shadow`
@@ -158,13 +167,13 @@ impl BuildContext<'_> {
             let stage = self.kernels.group(label, &[&[entries][..], stage].concat());
             (stage, shape_of(batch.count() * list.workgroups))
         };
-        if self.recorder.is_some() {
+        if self.passes.recorder.is_some() {
             let (stage, workgroups) = over(Batch::all(list.count));
             self.record(variant, [shadow, &stage], workgroups);
         }
         let share = self.pace.share(label, list.count);
         let fits = |deferred: &&DeferredPasses| deferred.share() + share <= MOST_DEFERRED;
-        if let Some(deferred) = self.deferred.filter(fits) {
+        if let Some(deferred) = self.passes.deferred.filter(fits) {
             let (stage, workgroups) = over(Batch::all(list.count));
             let groups = &[self.transfer.group(), shadow, &stage];
             let pass = DevicePass { variant, groups, workgroups };
@@ -173,6 +182,7 @@ impl BuildContext<'_> {
         }
         let mut words = Vec::new();
         let span = self.pace.run_batches(label, list.count, granule, |batch| {
+            self.check(label)?;
             self.wait_until_idle();
             let (stage, workgroups) = over(batch);
             let groups = &[self.transfer.group(), shadow, &stage];
@@ -203,7 +213,7 @@ impl BuildContext<'_> {
         let pass = |&(variant, workgroups)| DevicePass { variant, groups, workgroups };
         let passes: Vec<_> = passes.iter().map(pass).collect();
         let recorded = self.kernels.record(label, &passes, &[read])?;
-        if let Some(deferred) = self.deferred.filter(|_| is_deferred) {
+        if let Some(deferred) = self.passes.deferred.filter(|_| is_deferred) {
             deferred.push(label, 0, 0.0, recorded);
             return Ok((self.no_time(), None));
         }
@@ -233,7 +243,7 @@ impl BuildContext<'_> {
 
     /// Records a pass for another program, if the build is recorded. `shadow` and `stage` are bind groups 1 and 2.
     fn record(&self, variant: &ShaderVariant, [shadow, stage]: [&Group; 2], workgroups: [u32; 3]) {
-        if let Some(recorder) = self.recorder {
+        if let Some(recorder) = self.passes.recorder {
             recorder.push(variant, [self.transfer.group(), shadow, stage], workgroups);
         }
     }
@@ -261,9 +271,18 @@ impl BuildContext<'_> {
         let passes: Vec<_> =
             passes.map(|(groups, (_, size))| DevicePass { variant, groups, workgroups: *size }).collect();
         self.pace.run_batches(label, steps.len() as u32, 1, |batch| {
+            self.check(label)?;
             self.wait_until_idle();
             Ok(self.kernels.run(label, &passes[batch.range()], &[])?.0)
         })
+    }
+
+    /// Checks that the build goes on.
+    ///
+    /// # Errors
+    /// The user cancelled it.
+    fn check(&self, label: &str) -> Result<()> {
+        if self.passes.go_on.is_none_or(|go_on| go_on()) { Ok(()) } else { Err(Error::cancelled(label)) }
     }
 
     /// Waits until the device is idle, if the duration of submissions is limited and measured by the host's clock. The

@@ -239,8 +239,8 @@ impl DeviceTransfer {
     }
 
     /// Returns the stream of the volume's pages; `None` if all pages that are needed are resident.
-    pub fn stream(&self) -> Option<&PageStream> {
-        self.stream.as_deref()
+    pub fn stream(&self) -> Option<&Arc<PageStream>> {
+        self.stream.as_ref()
     }
 
     /// Returns the bin width in the lookup table of extinction integrals, in units of the volume's values.

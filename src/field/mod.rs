@@ -38,7 +38,7 @@ pub use active_bricks::{ActiveBricks, extinction_intervals};
 pub use brick_runs::{BrickHull, BrickRun};
 pub use build_recorder::{BuildLimit, BuildPass, BuildRecorder, RecordedBuild};
 pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
-pub use context::{BuildContext, TileList};
+pub use context::{BuildContext, BuildPasses, TileList};
 pub use deferred::{DeferredPasses, DeferredResult};
 pub use device_directions::DeviceDirections;
 pub use device_transfer::{DeviceTransfer, MarchTable};

@@ -102,6 +102,11 @@ impl PagePool {
         self.slots.len()
     }
 
+    /// Returns the number of pages that it holds now.
+    pub fn stored_len(&self) -> usize {
+        self.stored.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
     /// Number of bytes of the textures.
     pub fn bytes(&self) -> u64 {
         let texel_bytes = self.packing.bytes() + u64::from(self.labels.is_some());

@@ -124,6 +124,11 @@ impl PageStream {
         self.with_neighbours.len()
     }
 
+    /// Returns the number of pages that are resident now.
+    pub fn resident_pages(&self) -> usize {
+        self.pool.stored_len()
+    }
+
     /// Returns what has become resident since the stream was made.
     pub fn usage(&self) -> StreamUsage {
         let [blocks, pages, micros] = self.uploaded.each_ref().map(|n| n.load(Ordering::Relaxed));
@@ -131,7 +136,7 @@ impl PageStream {
     }
 
     /// Runs a pass again and again, until none of its rays waits for a page. Before each repetition, the first block with
-    /// a page that a ray waits for becomes resident.
+    /// a page that a ray waits for becomes resident. Returns `false` as soon as `pass` does.
     ///
     /// # Errors
     /// The pass fails, voxels cannot be read, or the device is lost.
@@ -140,8 +145,8 @@ impl PageStream {
         gpu: &Gpu,
         volume: &Volume,
         (rays, reach): (PassRays, PageReach),
-        mut pass: impl FnMut() -> Result<()>,
-    ) -> Result<()> {
+        mut pass: impl FnMut() -> Result<bool>,
+    ) -> Result<bool> {
         let _one_at_a_time = self.pool.turn();
         let page_from_index = DAffine3::from_scale(DVec3::splat(1.0 / PAGE_CELLS as f64));
         let rays = match rays {
@@ -157,11 +162,13 @@ impl PageStream {
         gpu.queue.write_buffer(&self.waiting, 0, &none);
         let mut before = None;
         loop {
-            pass()?;
+            if !pass()? {
+                return Ok(false);
+            }
             let words = read_back::<u32>(gpu, &self.waiting, self.pages.len().div_ceil(32))?;
             let waits = |page: usize| words[page / 32] >> (page % 32) & 1 == 1;
             let Some(block) = tree.first(rays, &mut |block| self.numbers(block).any(waits)) else {
-                return Ok(());
+                return Ok(true);
             };
             if before.as_ref() == Some(&block) {
                 let why = format!("rays wait for pages {block:?}, which are resident");

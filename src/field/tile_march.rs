@@ -45,7 +45,7 @@ impl<'a> TileMarch<'a> {
         let light_space = context.light_space(shape);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
         // A recorded build serves every light.
-        if context.transfer.disabled.has(Optimization::Tiles) || context.recorder.is_some() {
+        if context.transfer.disabled.has(Optimization::Tiles) || context.passes.recorder.is_some() {
             occupied = TileSet::all(occupied.across());
         }
         if !context.share.is_whole() {
@@ -170,7 +170,7 @@ impl<'a> TileMarch<'a> {
         stream.sweep(context.gpu(), context.volume, (self.light_rays(), reach), || {
             let (span, read) = context.at_once().run_over(list, label, &variant, group, &stage, read)?;
             ran = Some((ran.take().map_or(span, |(before, _)| before.plus(span)), read));
-            Ok(())
+            Ok(true)
         })?;
         ran.ok_or_else(|| context.not_by_blocks())
     }

@@ -246,7 +246,10 @@ impl Renderer {
                     advanced((first_column as f32 + passes * columns as f32) / width as f32);
                 };
                 let tiles = [left_out, tiles.cast];
-                let took = self.cast_part(caster, pass, (&stages, &progress), tiles, after, &mut advanced)?;
+                let mut go_on = || pacing.pixels_next().is_some();
+                let watch = (&mut go_on as &mut dyn FnMut() -> bool, &mut advanced as &mut dyn FnMut(u32));
+                let took = self.cast_part(caster, pass, (&stages, &progress), tiles, after, watch)?;
+                let Some(took) = took else { return Ok(false) };
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
             if let Some(took) = part {
@@ -261,7 +264,8 @@ impl Renderer {
     /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `stages` are
     /// the groups 2 of the sections of the volume, or of the whole volume. `tiles` holds the number of picture tiles
     /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission. `advanced`
-    /// receives the number of unfinished pixels after each dispatch.
+    /// receives the number of unfinished pixels after each dispatch. Between blocks of pages of a volume, `go_on` may stop
+    /// the drawing; the result is then `None`.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -269,8 +273,8 @@ impl Renderer {
         (stages, progress): (&[Group], &wgpu::Buffer),
         tiles: [u32; 2],
         after: Option<&OutputPass>,
-        advanced: &mut dyn FnMut(u32),
-    ) -> Result<Span> {
+        (go_on, advanced): (&mut dyn FnMut() -> bool, &mut dyn FnMut(u32)),
+    ) -> Result<Option<Span>> {
         let shared = [caster.transfer.group(), &pass.group];
         let groups = section_groups(pass.sections, shared, stages, caster.mesh.as_ref());
         let mut part: Option<Span> = None;
@@ -315,15 +319,18 @@ impl Renderer {
             let eye = volume.index_from_world().transform_point3(caster.scene.camera.eye);
             let rays = (PassRays::From(eye), PageReach::Neighbours);
             let mut took = Span { gpu_ms: None, wall_ms: 0.0 };
-            stream.sweep(self.gpu(), volume, rays, || submit().map(|(so_far, _)| took = so_far))?;
+            let is_drawn = stream.sweep(self.gpu(), volume, rays, || {
+                took = submit()?.0;
+                Ok(go_on())
+            })?;
             advanced(0);
-            return Ok(took);
+            return Ok(is_drawn.then_some(took));
         }
         loop {
             let (so_far, unfinished) = submit()?;
             advanced(unfinished);
             if unfinished == 0 {
-                return Ok(so_far);
+                return Ok(Some(so_far));
             }
             self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());
         }

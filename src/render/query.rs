@@ -77,14 +77,14 @@ impl Renderer {
             let groups = section_groups(sections, [transfer.group(), &shadow.group], &stages, None);
             let passes = section_passes(&groups, &shader, workgroups);
             let mut words = Vec::new();
-            let mut run = || -> Result<()> {
+            let mut run = || -> Result<bool> {
                 words = self.kernels.run("query", &passes, &[read])?.1;
-                Ok(())
+                Ok(true)
             };
             match transfer.stream() {
                 Some(stream) => stream.sweep(gpu, &loaded.volume, ANY_ORDER, run)?,
                 None => run()?,
-            }
+            };
             results.extend(words.into_iter().flatten().map(f32::from_bits));
         }
         Ok(results)

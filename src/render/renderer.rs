@@ -4,7 +4,7 @@ use super::mesh::MeshCache;
 use super::plan::needs_shadows;
 use crate::error::Result;
 use crate::field::{
-    BuildRecorder, DeferredPasses, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume,
+    BuildPasses, BuildRecorder, DeferredResult, DeviceTransfer, DisabledOptimizations, LoadedVolume,
     RecordedBuild, TilePace, View, WorkShare,
 };
 use crate::gpu::{Gpu, Kernels};
@@ -99,7 +99,7 @@ impl Renderer {
         method: &dyn Method,
         light: impl Into<LightSource>,
     ) -> Result<ShadowMap> {
-        self.build((loaded, transfer), method, &light.into(), None, (None, None))
+        self.build((loaded, transfer), method, &light.into(), None, BuildPasses::default())
     }
 
     /// Builds the shadow map of one light like [`Self::shadow`], and records the passes of the build. The map has all
@@ -116,13 +116,18 @@ impl Renderer {
     ) -> Result<(ShadowMap, RecordedBuild)> {
         // The first build finds the sizes of memory pools, so that the second runs each pass once.
         let light = LightSource::from(light);
-        let context = self.build_context((loaded, transfer), &light, None, (None, None), WorkShare::WHOLE);
+        let none = BuildPasses::default();
+        let context = self.build_context((loaded, transfer), &light, None, none, WorkShare::WHOLE);
         if transfer.stream().is_some() {
             return Err(context.not_by_blocks());
         }
-        self.build((loaded, transfer), method, &light, None, (None, Some(&BuildRecorder::default())))?;
+        let record = |recorder: &BuildRecorder| {
+            let passes = BuildPasses { recorder: Some(recorder), ..none };
+            self.build((loaded, transfer), method, &light, None, passes)
+        };
+        record(&BuildRecorder::default())?;
         let recorder = BuildRecorder::default();
-        let map = self.build((loaded, transfer), method, &light, None, (None, Some(&recorder)))?;
+        let map = record(&recorder)?;
         Ok((map, recorder.into_build()))
     }
 
@@ -151,14 +156,14 @@ impl Renderer {
         (scene, light): (&Scene, &LightSource),
         view: Option<&View>,
     ) -> Result<ShadowMap> {
-        self.shadow_with((loaded, transfer), method, (scene, light), view, None)
+        self.shadow_with((loaded, transfer), method, (scene, light), view, BuildPasses::default())
     }
 
-    /// Builds a shadow map like [`Self::shadow_in`]. With `deferred`, passes wait there for the submission of a
+    /// Builds a shadow map like [`Self::shadow_in`]. With `passes.deferred`, passes wait there for the submission of a
     /// picture ([`LightMaps::after`]), and [`Self::complete`] has to follow.
     ///
     /// # Errors
-    /// See [`Self::shadow`].
+    /// See [`Self::shadow`]; or `passes.go_on` cancelled the build.
     ///
     /// [`LightMaps::after`]: super::LightMaps::after
     pub fn shadow_with(
@@ -167,10 +172,10 @@ impl Renderer {
         method: &dyn Method,
         (scene, light): (&Scene, &LightSource),
         view: Option<&View>,
-        deferred: Option<&DeferredPasses>,
+        passes: BuildPasses<'_>,
     ) -> Result<ShadowMap> {
         let method = self.effective_method(field.0, field.1, method, scene);
-        self.build(field, method, light, view, (deferred, None))
+        self.build(field, method, light, view, passes)
     }
 
     /// Completes the report of a shadow map with the results of its deferred passes. Returns `false` if the map is
@@ -206,7 +211,7 @@ impl Renderer {
         field: (&LoadedVolume, &DeviceTransfer),
         occlusion: AmbientOcclusion,
     ) -> Result<Vec<(ShadowMap, f64)>> {
-        let passes = (None, None);
+        let passes = BuildPasses::default();
         let source = LightSource::default();
         ambient_occlusion(&self.build_context(field, &source, None, passes, WorkShare::WHOLE), occlusion)
     }
@@ -216,7 +221,7 @@ impl Renderer {
         (loaded, transfer): (&'a LoadedVolume, &'a DeviceTransfer),
         source: &'a LightSource,
         view: Option<&'a View>,
-        (deferred, recorder): (Option<&'a DeferredPasses>, Option<&'a BuildRecorder>),
+        passes: BuildPasses<'a>,
         share: WorkShare,
     ) -> BuildContext<'a> {
         let LoadedVolume { volume, strands, node_pools, .. } = loaded;
@@ -230,10 +235,12 @@ impl Renderer {
             light: source.light,
             extent: &source.extent,
             view,
-            // Rays that wait for pages need several submissions.
-            deferred: deferred.filter(|_| transfer.stream().is_none()),
             share,
-            recorder,
+            // Rays that wait for pages need several submissions.
+            passes: BuildPasses {
+                deferred: passes.deferred.filter(|_| transfer.stream().is_none()),
+                ..passes
+            },
         }
     }
 
@@ -243,7 +250,7 @@ impl Renderer {
         method: &dyn Method,
         source: &LightSource,
         view: Option<&View>,
-        passes: (Option<&DeferredPasses>, Option<&BuildRecorder>),
+        passes: BuildPasses<'_>,
     ) -> Result<ShadowMap> {
         let context = self.build_context(field, source, view, passes, WorkShare::WHOLE);
         self.build_in(&context, method, source)
@@ -284,7 +291,8 @@ impl Renderer {
         view: Option<&View>,
         share: WorkShare,
     ) -> Result<ShadowMap> {
-        self.build_in(&self.build_context(field, source, view, (None, None), share), method, source)
+        let context = self.build_context(field, source, view, BuildPasses::default(), share);
+        self.build_in(&context, method, source)
     }
 
     /// Forms the deep shadow map of one light from the shares of all processes.
@@ -299,7 +307,7 @@ impl Renderer {
         view: Option<&View>,
         shares: &[MapShare],
     ) -> Result<ShadowMap> {
-        let context = self.build_context(field, source, view, (None, None), WorkShare::WHOLE);
+        let context = self.build_context(field, source, view, BuildPasses::default(), WorkShare::WHOLE);
         merged_map(&context, method, shares)
     }
 

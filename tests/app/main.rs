@@ -17,12 +17,14 @@ mod panels;
 mod pointer;
 mod presets;
 mod resizes;
+mod streaming;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
 use umbravox::app::{App, OpenMode, Purpose, Settings};
+use umbravox::gpu::Gpu;
 use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
@@ -42,7 +44,16 @@ pub struct Bench {
 impl Bench {
     /// Opens a command line of `view`; `None` and a printed line if there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
-        let mut bench = Self::empty()?;
+        Self::empty()?.opened(line)
+    }
+
+    /// Opens a command line of `view` with a limit on device memory, bytes.
+    pub fn open_within(line: &[&str], memory_limit: u64) -> Option<Self> {
+        Self::on(common::gpu()?.with_memory_limit(Some(memory_limit))).opened(line)
+    }
+
+    fn opened(self, line: &[&str]) -> Option<Self> {
+        let mut bench = self;
         let settings = scene_args(line).into_request().unwrap().settings;
         bench.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         bench.settle();
@@ -51,12 +62,15 @@ impl Bench {
 
     /// Opens an empty window.
     pub fn empty() -> Option<Self> {
-        let gpu = common::gpu()?;
+        Some(Self::on(common::gpu()?))
+    }
+
+    fn on(gpu: Gpu) -> Self {
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
         let harness =
             Harness::builder().with_size(SIZE).build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
-        Some(Self { harness, device, queue })
+        Self { harness, device, queue }
     }
 
     pub fn app(&mut self) -> &mut App {

@@ -44,7 +44,7 @@ fn draw(session: &mut CachedSession, method: &str, scene: &Scene, target: &Displ
     let method = shadow::parse(method).unwrap();
     let (deferred, extent) = (DeferredPasses::default(), (scene, MapCoverage::Picture));
     let mut work = Work::default();
-    let building = Building { deferred: Some(&deferred), watch: None };
+    let building = Building { deferred: Some(&deferred), ..Building::default() };
     let made = session.prepare_with(method.as_ref(), extent, &mut work, building).unwrap();
     let shadows = LightMaps::from(made.shadows).after(&deferred);
     let mut pace = Pace::new(f64::INFINITY);
@@ -149,7 +149,7 @@ fn a_map_whose_picture_is_not_drawn_is_discarded() {
     let (method, scene) = (shadow::parse("osm:map=32").unwrap(), scene_at(&volume, 0.0));
     let extent = (&scene, MapCoverage::Picture);
     let deferred = DeferredPasses::default();
-    let building = Building { deferred: Some(&deferred), watch: None };
+    let building = Building { deferred: Some(&deferred), ..Building::default() };
     session.prepare_with(method.as_ref(), extent, &mut Work::default(), building).unwrap();
     assert!(!deferred.is_empty());
     let mut work = Work::default();

@@ -54,7 +54,13 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     legend::paint(difference, model, ui, rect);
     let Some(picture) = &model.frame else { return };
     let (w, h) = (picture.main.texture.width, picture.main.texture.height);
-    let more = if rect.width() < 260.0 { " …" } else { ", refining …" };
+    let more = if rect.width() < 260.0 {
+        " …"
+    } else if picture.is_reduced {
+        " of a reduced volume, refining block by block …"
+    } else {
+        ", refining …"
+    };
     let quality = format!("{w} x {h}{}", if picture.is_final { "" } else { more });
     let at = rect.right_bottom() - vec2(10.0, 10.0);
     shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, theme::DIM_OVER_PICTURE);

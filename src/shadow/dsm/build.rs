@@ -171,7 +171,7 @@ impl DeepShadowMap {
     /// The adapter cannot hold the map, or it ended light rays early.
     pub(super) fn build_map(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let key = self.spec().to_string();
-        let reserve = context.recorder.map_or(1.0, |_| BuildRecorder::RESERVE);
+        let reserve = context.passes.recorder.map_or(1.0, |_| BuildRecorder::RESERVE);
         let known = context.node_pools.last_sizes(&key).map(|sizes| sizes.scaled(reserve));
         // The pools of the first build are often too small.
         let context = &if known.is_none() { context.at_once() } else { *context };

@@ -139,9 +139,9 @@ impl DeepShadowMap {
         let texels = params.tile_rows;
         let learned = known.map_or(0, |sizes| with_reserve(sizes.quads, texels));
         let needed = rows.counted.map_or(learned, |counted| counted.quads_needed);
-        let quads = context.recorder.map_or(needed, |_| needed.max(learned));
+        let quads = context.passes.recorder.map_or(needed, |_| needed.max(learned));
         let pool = node_pool(context, quads, width_shift(quads))?;
-        if let Some(recorder) = context.recorder {
+        if let Some(recorder) = context.passes.recorder {
             recorder.limit(rows.outputs.limit(pool.quads));
         }
         (params.quads, params.quads_width_shift) = (pool.quads, pool.width_shift);
