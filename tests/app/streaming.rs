@@ -5,8 +5,7 @@ use eframe::egui::{Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::App;
 
-// Without `fit=volume`, the map of the whole volume may be that of the coarse picture, whose shape differs a little.
-const LINE: &[&str] = &["phantom:struts:128", "--shadow=dsm:map=64,fit=volume"];
+const LINE: &[&str] = &["phantom:struts:128", "--shadow=dsm:map=64"];
 /// Holds half the pages of the volume, bytes.
 const LIMIT: u64 = 3_600_000;
 
@@ -17,7 +16,9 @@ fn a_picture_at_rest_shows_the_whole_volume() {
     let pages = bench.app().model.pages.unwrap();
     assert!(pages.resident < pages.needed && pages.loads.is_some_and(|n| n > 2), "{pages:?}");
     assert_eq!(whole.app().model.pages, None);
-    assert!(whole.pixels() == bench.pixels());
+    // Pages are interpolated with float32 weights, whole textures with those of the device.
+    let (whole, paged) = (whole.pixels(), bench.pixels());
+    assert!(whole.len() == paged.len() && whole.iter().zip(&paged).all(|(a, b)| a.abs_diff(*b) <= 1));
     bench.harness.get_by_label_contains(&format!("of {} pages resident", pages.needed));
 }
 

@@ -7,7 +7,6 @@ use super::widgets::{property, unfilled};
 use super::{clip, labels, light, shadows, strands};
 use crate::app::camera::{self, Orbit};
 use crate::app::model::Model;
-use crate::engine::ResidentPages;
 use crate::files::color;
 use crate::scene::AXIS_VIEWS;
 use eframe::egui;
@@ -133,26 +132,7 @@ fn volume(ui: &mut egui::Ui, model: &Model) {
         row("values", format!("{lo:.6} to {hi:.6} {}", document.tf.units));
         row("memory", format!("{:.1} MB", volume.bytes() as f64 * 1e-6));
     });
-    if let Some(pages) = model.pages {
-        resident(ui, pages);
-    }
     for warning in &volume.provenance.warnings {
         ui.colored_label(ui.visuals().warn_fg_color, warning);
     }
-}
-
-/// Shows which part of the pages that the picture needs is on the device.
-fn resident(ui: &mut egui::Ui, ResidentPages { needed, resident, loads }: ResidentPages) {
-    let share = resident as f32 / needed.max(1) as f32;
-    let text = format!("{} of {needed} pages resident", resident.min(needed));
-    let bar = ui.add(egui::ProgressBar::new(share.min(1.0)).text(&text));
-    bar.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, &text));
-    let tooltip = match loads {
-        Some(loads) => format!(
-            "More pages have extinction than the device memory holds: the picture is drawn block by block ({loads} blocks \
-             so far), and a reduced copy of the volume while something moves"
-        ),
-        None => "Cubes of 32 cells with extinction, which are on the device".into(),
-    };
-    bar.on_hover_text(tooltip);
 }

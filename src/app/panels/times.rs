@@ -1,6 +1,7 @@
 //! Times section of the side panel: render times and memory of recent pictures.
 
 use crate::app::model::Model;
+use crate::engine::ResidentPages;
 use crate::engine::messages::Frame;
 use eframe::egui;
 use std::collections::VecDeque;
@@ -109,6 +110,25 @@ impl Times {
                 milliseconds(frame.main.frame_ms)
             ));
         }
+        if let Some(pages) = model.pages {
+            resident(ui, pages);
+        }
         ui.weak(model.device.adapter.as_deref().unwrap_or_default()).on_hover_text("Graphics adapter");
     }
+}
+
+/// Shows which part of the pages that the picture needs is on the device.
+fn resident(ui: &mut egui::Ui, ResidentPages { needed, resident, loads }: ResidentPages) {
+    let share = resident as f32 / needed.max(1) as f32;
+    let text = format!("{} of {needed} pages resident", resident.min(needed));
+    let bar = ui.add(egui::ProgressBar::new(share.min(1.0)).text(&text));
+    bar.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, &text));
+    let tooltip = match loads {
+        Some(loads) => format!(
+            "More pages have extinction than the device memory holds: the picture is drawn block by block ({loads} blocks \
+             so far), and a reduced copy of the volume while something moves"
+        ),
+        None => "Cubes of 32 cells with extinction, which are on the device".into(),
+    };
+    bar.on_hover_text(tooltip);
 }
