@@ -10,7 +10,6 @@ use super::ExactField;
 use crate::random::{mix, mix_to_unit};
 use crate::scene::LightSource;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// Number of random shifts of a lattice.
 const SHIFTS: u64 = 8;
@@ -73,7 +72,12 @@ impl ExactField<'_> {
     /// Returns the mean transmittances from a light source to points (world mm), and the root mean square of their
     /// standard errors ([`Self::transmittance_from`]).
     pub fn transmittances_from(&self, points_mm: &[DVec3], source: &LightSource) -> (Vec<f64>, f64) {
-        let found: Vec<_> = points_mm.par_iter().map(|x| self.transmittance_from(*x, source)).collect();
+        let ray = |number: usize| {
+            let (direction, length_mm) = source.light.from_point(points_mm[number]);
+            (points_mm[number], direction, length_mm)
+        };
+        let mean = |number: usize| self.transmittance_from(points_mm[number], source);
+        let found = self.of_rays(points_mm.len(), ray, mean);
         let squares = found.iter().map(|mean| mean.standard_error.powi(2)).sum::<f64>();
         let rms = (squares / found.len().max(1) as f64).sqrt();
         (found.iter().map(|mean| mean.value).collect(), rms)

@@ -7,6 +7,7 @@
 //! gradient opacity, adaptive quadrature integrates to a relative error of about 1e-10. Blocks of cells without
 //! extinction are skipped, which changes no bit of the result. The module shares no table and no code with the GPU path.
 
+mod batch;
 mod blocks;
 mod cell;
 mod cubic;
@@ -33,7 +34,6 @@ use blocks::{Blocks, Labelled};
 use glam::DVec3;
 use gradient::{Factor, GradientLaws};
 use law::Laws;
-use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use traversal::{Ray, RayPiece, VoxelGrid};
@@ -113,7 +113,13 @@ impl<'a> ExactField<'a> {
 
     /// Returns the exact optical depths of many segments (world mm) in parallel ([`Self::optical_depth`]).
     pub fn optical_depths(&self, segments: &[(DVec3, DVec3)]) -> Vec<f64> {
-        segments.par_iter().map(|&(a, b)| self.optical_depth(a, b)).collect()
+        let ray = |number: usize| {
+            let (a, b) = segments[number];
+            let (direction, length_mm) = direction_and_length(a, b).unwrap_or((DVec3::NAN, 0.0));
+            (a, direction, length_mm)
+        };
+        let depth = |number: usize| self.optical_depth(segments[number].0, segments[number].1);
+        self.of_rays(segments.len(), ray, depth)
     }
 
     /// Returns the exact optical depth as a function of depth along the segment from `a` to `b` (world mm), over

@@ -51,6 +51,11 @@ impl Ray {
         let ray = Self { origin, direction, enter_mm, exit_mm };
         (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(ray)
     }
+
+    /// Returns the point at a distance, in voxel index coordinates.
+    pub fn at(&self, mm: f64) -> [f64; 3] {
+        std::array::from_fn(|axis| self.origin[axis] + self.direction[axis] * mm)
+    }
 }
 
 /// Interval of a ray on which extinction is smooth: within one volume cell and one interval of the transfer function.

@@ -32,14 +32,10 @@ impl ExactField<'_> {
     /// weighted by the contribution of each point.
     pub fn visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<VisiblePoint> {
         let shift = [seed, seed ^ 0x5bf0_3635, seed ^ 0xc2b2_ae35].map(mix_to_unit);
-        let candidate = |index: usize| {
-            let [x, y, quantile] = low_discrepancy(index as u64, shift);
-            let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
-            self.visible_point_of_pixel(scene, pixel, quantile)
-        };
         let mut points = Vec::with_capacity(n);
         for batch in 0..MOST_CANDIDATES_PER_POINT {
-            points.par_extend((batch * n..(batch + 1) * n).into_par_iter().filter_map(candidate));
+            let drawn = |number: usize| low_discrepancy((batch * n + number) as u64, shift);
+            points.extend(self.points_of_draws(scene, n, drawn).into_iter().flatten());
             if points.len() >= n {
                 break;
             }
@@ -52,13 +48,34 @@ impl ExactField<'_> {
     /// `T_eye sigma / opacity`. All draws are independent (pseudo-random); the same `seed` gives the same points. It is
     /// `None` for pixels without opacity.
     pub fn random_visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<Option<VisiblePoint>> {
-        let drawn = |index: usize| {
-            let mut chance = Chance::new(seed, index as u64);
-            let [x, y, quantile] = [(); 3].map(|()| chance.unit());
-            let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
-            self.visible_point_of_pixel(scene, pixel, quantile)
+        let drawn = |number: usize| {
+            let mut chance = Chance::new(seed, number as u64);
+            [(); 3].map(|()| chance.unit())
         };
-        (0..n).into_par_iter().map(drawn).collect()
+        self.points_of_draws(scene, n, drawn)
+    }
+
+    /// Returns the visible points of random numbers in `[0, 1)`: the place in the picture, and the fraction of the pixel's
+    /// opacity that lies in front.
+    fn points_of_draws(
+        &self,
+        scene: &Scene,
+        n: usize,
+        drawn: impl Fn(usize) -> [f64; 3] + Sync,
+    ) -> Vec<Option<VisiblePoint>> {
+        let pixel = |number: usize| {
+            let [x, y, quantile] = drawn(number);
+            ([x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor), quantile)
+        };
+        let ray = |number: usize| {
+            let [column, row] = pixel(number).0;
+            let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
+            (scene.camera.eye, direction, f64::INFINITY)
+        };
+        self.of_rays(n, ray, |number| {
+            let (pixel, quantile) = pixel(number);
+            self.visible_point_of_pixel(scene, pixel, quantile)
+        })
     }
 
     /// Returns the median visible point behind each pixel in the given rows, row by row: half of the pixel's opacity
