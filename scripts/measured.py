@@ -120,7 +120,7 @@ def stability():
     text = run("stability", "-o", folder, "--overwrite", accepted=(0, 1))
     # The summary; notes on single rows follow it.
     found = re.search(r"^\d+ rows: .*", text, re.M)
-    return "```\n" + (found.group() if found else text.strip()) + "\n```"
+    return "```text\n" + (found.group() if found else text.strip()) + "\n```"
 
 
 def cost():
@@ -170,7 +170,7 @@ for name in chosen:
     try:
         body = sections[name]()
     except Failed as why:
-        body = f"**Failed.**\n```\n{why}\n```"
+        body = f"**Failed.**\n```text\n{why}\n```"
         print(why, file=sys.stderr)
     parts[name] = f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\n{build}; in {time.time() - start:.0f} s."
     if a.quick:

@@ -5,6 +5,7 @@ mod bricks;
 #[path = "../common/browser.rs"]
 mod browser;
 mod cli;
+mod commands;
 #[path = "../common/mod.rs"]
 mod common;
 mod datasets;
