@@ -89,8 +89,9 @@ impl InputVolume {
 ///
 /// `voxels` has the axes i, j, k, as nibabel's arrays do; `axes="kji"` says that the first axis is the slowest, as in
 /// SimpleITK's arrays. Integers of 32 and 64 bits become float64; NaN and infinities the smallest finite value, with a
-/// warning. Images of nibabel, SimpleITK, ITK, VTK and PyVista, arrays of xarray and layers of napari bring their affine
-/// along. `labels` is a segmentation: an array of the same grid, or an image or a file of any.
+/// warning. Images of nibabel, SimpleITK, ITK, VTK and PyVista, arrays of xarray, layers of napari and Zarr groups of
+/// OME-Zarr images bring their affine along. `labels` is a segmentation: an array of the same grid, or an image or a file
+/// of any.
 ///
 /// >>> volume = umbravox.Volume(array, affine, name="chest")
 /// >>> picture = umbravox.render(volume, units="hu", tf="bone")

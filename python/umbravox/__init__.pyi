@@ -143,8 +143,8 @@ class Volume:
     ``voxels`` has the axes i, j, k, as nibabel's arrays do and as the affine counts them; ``axes="kji"`` says that the first
     axis is the slowest, as in SimpleITK's arrays and in .npy files that this program reads. Integers of 32 and 64 bits become
     float64; NaN and infinities the smallest finite value, with a warning. Images of nibabel, SimpleITK, ITK, VTK and PyVista,
-    arrays of xarray and layers of napari bring their affine along. ``labels`` is a segmentation: an array of the same grid,
-    or an image or a file of any.
+    arrays of xarray, layers of napari and Zarr groups of OME-Zarr images bring their affine along. ``labels`` is a
+    segmentation: an array of the same grid, or an image or a file of any.
     """
 
     def __new__(

@@ -3,12 +3,16 @@
 Objects are known by their attributes, so that none of these packages is imported unless its image is given.
 """
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 #: DICOM and ITK count x and y towards left and posterior (LPS+).
 _RAS_FROM_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+#: Lengths of OME-NGFF in mm.
+_MM = {"angstrom": 1e-7, "nanometer": 1e-6, "micrometer": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "meter": 1e3}
 
 
 def array_and_affine(given: Any) -> tuple[Any, Any]:
@@ -27,6 +31,8 @@ def array_and_affine(given: Any) -> tuple[Any, Any]:
         return _of_xarray(given)
     if hasattr(given, "data_to_world") and hasattr(given, "multiscale"):
         return _of_napari(given)
+    if hasattr(given, "attrs") and hasattr(given, "array_keys"):
+        return _of_ome_zarr(given)
     return given, None
 
 
@@ -122,3 +128,37 @@ def _of_napari(layer: Any) -> tuple[Any, Any]:
     affine[:3, :3] = (world[1:] - world[0]).T[::-1, ::-1]
     affine[:3, 3] = world[0][::-1]
     return np.asarray(array).T, affine
+
+
+def _of_ome_zarr(group: Any) -> tuple[Any, Any]:
+    """Level 0 of an OME-Zarr image (NGFF 0.4 and 0.5), as its files are read: x, y and z are taken as RAS+."""
+    attributes = dict(group.attrs)
+    images = attributes.get("ome", attributes).get("multiscales")
+    if not images:
+        raise ValueError("it is a Zarr group without OME multiscales; give one of its arrays and an affine")
+    axes = images[0].get("axes", [])
+    if not all(isinstance(axis, dict) for axis in axes) or not {"x", "y", "z"} <= {axis["name"] for axis in axes}:
+        raise ValueError("its OME multiscales have no axes x, y and z; give one of its arrays and an affine")
+    level = images[0]["datasets"][0]
+    scale, translation = np.ones(len(axes)), np.zeros(len(axes))
+    # Transformations of the image follow those of its levels.
+    for transformation in level.get("coordinateTransformations", []) + images[0].get("coordinateTransformations", []):
+        if transformation["type"] == "scale":
+            scale, translation = scale * transformation["scale"], translation * transformation["scale"]
+        elif transformation["type"] == "translation":
+            translation = translation + transformation["translation"]
+        elif transformation["type"] != "identity":
+            raise ValueError(f"its image has a transformation {transformation['type']}; expected scale and translation")
+    names = [axis["name"] for axis in axes]
+    place = [names.index(name) for name in "xyz"]
+    units = [axes[axis].get("unit") for axis in place]
+    if any(unit not in _MM for unit in units):
+        warnings.warn("its axes have no known unit of length: taken as mm", stacklevel=3)
+    mm = np.array([_MM.get(unit, 1.0) for unit in units])
+    array = group[level["path"]]
+    for axis, size in enumerate(array.shape):
+        if axis not in place and size != 1:
+            raise ValueError(f"its axis {names[axis]} has {size} entries; give an array of one of them, and an affine")
+    values = np.asarray(array[tuple(slice(None) if axis in place else 0 for axis in range(len(axes)))])
+    order = [sorted(place).index(axis) for axis in place]
+    return values.transpose(order), _affine(np.eye(3), mm * scale[place], mm * translation[place])
