@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tests the Python module: against the command line, against figures of an independent program, and the notebooks of
 # examples/. By default the module that `make test` has compiled is imported from a folder, into an environment that is
-# kept; with UMBRAVOX_TESTS=full its wheel is built and installed into a fresh environment.
+# kept; with UMBRAVOX_TESTS=full its wheel is built and installed into a fresh environment, which wheel.sh times.
 # Without a Python that could, it fails, unless UMBRAVOX_NO_PYTHON=1.
 # usage: python.sh [PYTEST ARGUMENTS]
 set -euo pipefail
@@ -57,6 +57,7 @@ if [[ ${UMBRAVOX_TESTS:-} == full ]]; then
     # that only the module is compiled; `make lint` compiles it with the features of a release.
     "$folder/tools/bin/maturin" build --profile dev --features test-build --locked --interpreter "$python" \
         --out "$folder/wheels"
+    scripts/wheel.sh "$folder"/wheels/*.whl "$folder/install"
     # shellcheck disable=SC2086
     environment "$folder/venv" $packages
     "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps "$folder"/wheels/*.whl
