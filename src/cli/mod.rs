@@ -18,6 +18,7 @@ pub mod methods;
 pub mod phantom;
 pub mod probe;
 mod probe_curve;
+pub mod probe_points;
 pub mod probe_rays;
 mod probe_slices;
 pub mod render;

@@ -3,7 +3,8 @@
 
 use super::console::{load_scene, open_session, print_message, print_result};
 use super::probe_curve::{self, CurveFlags};
-use super::probe_rays::{parse_points, probe_rays};
+use super::probe_points::parse_points;
+use super::probe_rays::probe_rays;
 use super::probe_slices;
 use crate::error::Result;
 use crate::exact::ExactField;
@@ -45,8 +46,9 @@ pub struct What {
     /// each, 17 digits
     #[arg(long, value_name = "FILE")]
     pub rays: Option<PathBuf>,
-    /// File of points (`-`: standard input), `x y z` per line, world mm; prints `T_method T_exact`: transmittance from the light to each
-    /// point, by the --shadow method and exact; with `enclose=on` also `L U`, bounds on the exact one
+    /// File of points (`-`: standard input), `x y z` per line, world mm, or .mrk.json, .fcsv of 3D Slicer; prints
+    /// `T_method T_exact`: transmittance from the light, by the --shadow method and exact; with `enclose=on` also `L
+    /// U`, bounds on `T_exact`
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
     /// Point, world mm: prints transmittance against depth along the light ray through it, by --methods and exact, as

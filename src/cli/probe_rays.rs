@@ -33,17 +33,8 @@ pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
     Ok(rows.into_iter().map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f))).collect())
 }
 
-/// Parses the points of a `--points` file, `x y z` (world mm) per line. Blank lines are ignored.
-///
-/// # Errors
-/// A line that is not three finite numbers; the error names the line number.
-pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
-    let rows = parse_rows(text, "cannot read points", place, "a line is `x y z`, world mm")?;
-    Ok(rows.into_iter().map(DVec3::from_array).collect())
-}
-
 /// Limit on the magnitude of input coordinates. Beyond it, the length of a segment could overflow.
-const MAX_COORDINATE: f64 = 1e300;
+pub(super) const MAX_COORDINATE: f64 = 1e300;
 
 /// Words of a line of an input file, separated by commas if there are any, otherwise by white space.
 fn words(line: &str) -> Vec<&str> {
@@ -55,7 +46,12 @@ fn words(line: &str) -> Vec<&str> {
 
 /// Parses lines of `N` numbers separated by white space or commas, from an input file of `probe`. Blank lines, lines that
 /// begin with `#`, and a first line of `N` names are ignored.
-fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
+pub(super) fn parse_rows<const N: usize>(
+    text: &str,
+    what: &str,
+    place: &str,
+    hint: &str,
+) -> Result<Vec<[f64; N]>> {
     let is_name = |word: &&str| {
         word.parse::<f64>().is_err() && word.starts_with(|c: char| c.is_alphabetic() || c == '"')
     };
@@ -98,18 +94,6 @@ mod tests {
             answers.lines().map(|l| l.split(' ').map(|w| w.parse().unwrap()).collect()).collect();
         assert_eq!(numbers, [[1.0, (-1f64).exp()], [0.0, 1.0], [0.0, 1.0]]);
         assert!(answers.starts_with("1.0000000000000000e0 3.67879441171442"), "{answers}");
-    }
-
-    #[test]
-    fn points_are_rows_of_three() {
-        let expected = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 5.0, 0.5)];
-        for text in
-            ["1 2 3\n\n-4 5e0 .5\n", "# x y z\r\n1, 2,3\r\n-4\t5e0 .5", "x,y,z\n1,2,3\n# end\n-4,5,.5"]
-        {
-            assert_eq!(parse_points(text, "points.txt").unwrap(), expected);
-        }
-        let error = parse_points("1 2 3\n1 2", "points.txt").unwrap_err();
-        assert!(error.to_string().contains("points.txt: line 2): 2 numbers where 3"), "{error}");
     }
 
     #[test]
