@@ -21,7 +21,7 @@ const VERIFIED: [&str; 11] = [
     "flicker",
 ];
 
-/// What differs between the program that recorded a value and this one, which decides how well they must agree.
+/// Difference between the program that recorded a value and this one, which decides how well they must agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Recorder {
     /// Nothing: adapter, driver and revision are the same.

@@ -6,6 +6,7 @@ use glam::DVec3;
 use std::path::Path;
 use umbravox::exact::ExactField;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
+use umbravox::scene::Scene;
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{ByteCount, Histogram, Volume, Voxels};
 
@@ -82,6 +83,15 @@ fn all_that_is_computed_from_voxels_is_the_same_in_parts() {
             let [x, y] = fields.each_ref().map(|field| field.gradient(segment.1));
             assert_eq!(x, y);
         }
+        // Rays are computed in another order.
+        let scene = Scene::framing(&whole);
+        let [a, b] = fields.each_ref().map(|field| {
+            let points = field.visible_points(&scene, 60, 3);
+            let places: Vec<DVec3> = points.iter().map(|point| point.position).collect();
+            let segments: Vec<_> = places.iter().map(|place| (*place, corners[5])).collect();
+            (field.transmittances_from(&places, &scene.lights[0]), field.optical_depths(&segments), points)
+        });
+        assert!(a == b && a.2.len() > 10, "{a:?} {b:?}");
         parts.check_reads().unwrap();
     }
 }
