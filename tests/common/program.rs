@@ -28,6 +28,24 @@ pub fn signal(child: &std::process::Child, name: &str) {
 #[cfg(unix)]
 #[allow(dead_code, reason = "not every test program interrupts one")]
 pub fn interrupted(folder: &Path, args: &[&str], is_ready: impl Fn(&str) -> bool) -> String {
+    let (status, messages) = ended_by("TERM", folder, args, is_ready);
+    assert_eq!(status, Some(1), "{messages}");
+    messages
+}
+
+/// Runs a command line in a folder, and sends it a signal when its messages satisfy `is_ready`. Returns its exit status
+/// (`None` if it was killed), and all messages.
+///
+/// # Panics
+/// The program ends before.
+#[cfg(unix)]
+#[allow(dead_code, reason = "not every test program ends one")]
+pub fn ended_by(
+    name: &str,
+    folder: &Path,
+    args: &[&str],
+    is_ready: impl Fn(&str) -> bool,
+) -> (Option<i32>, String) {
     use std::io::{BufRead, BufReader, Read};
     use std::process::Stdio;
     let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
@@ -43,10 +61,9 @@ pub fn interrupted(folder: &Path, args: &[&str], is_ready: impl Fn(&str) -> bool
         let read = stderr.read_line(&mut messages).unwrap();
         assert!(read > 0, "it ended before it could be interrupted: {messages}");
     }
-    signal(&child, "TERM");
+    signal(&child, name);
     stderr.read_to_string(&mut messages).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(1), "{messages}");
-    messages
+    (child.wait().unwrap().code(), messages)
 }
 
 /// Runs a command line that must be refused and must not change its folder; returns the `error:` line.

@@ -36,6 +36,15 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
+    #[cfg(unix)]
+    {
+        // A run that is killed leaves nothing that the next one takes for a result.
+        let arguments = [&ARGUMENTS[..], &["--cells", "cloud-dense-front-front"]].concat();
+        let begun = |messages: &str| messages.contains(": moments");
+        let (status, messages) = crate::program::ended_by("KILL", dir.path(), &arguments, begun);
+        assert_eq!(status, None, "{messages}");
+        assert_eq!(fs::read_dir(dir.path().join("out/cells")).unwrap().count(), 0);
+    }
     let first = benchmark(dir.path(), "cloud-dense-front-front");
     let table = rows(&first);
     let methods: Vec<_> = table.iter().map(|row| &*row["method"]).collect();
