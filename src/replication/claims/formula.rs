@@ -253,9 +253,7 @@ fn apply(name: &str, lists: &[Vec<f64>]) -> Result<Vec<f64>, String> {
         ("verdict", [yes, partly]) => Ok(holds(Holds::of(yes[0] != 0.0, partly[0] != 0.0))),
         ("at_least", [ratio, wanted]) => Ok(holds(rules::at_least(ratio[0], wanted[0]))),
         ("at_most", [ratio, limit, most]) => Ok(holds(rules::at_most(ratio[0], limit[0], most[0]))),
-        ("looks_as_good", [error, other, most]) => {
-            Ok(holds(rules::looks_as_good(error[0], other[0], most[0])))
-        }
+        ("as_good", [error, other, most]) => Ok(holds(rules::as_good(error[0], other[0], most[0]))),
         ("within", [ratio, low, high]) => Ok(holds(rules::within(ratio[0], [low[0], high[0]]))),
         ("rises", [series, least]) => Ok(holds(rules::rises(series, least[0]))),
         ("falls", [series, least]) => Ok(holds(rules::falls(series, least[0]))),
@@ -303,7 +301,7 @@ mod tests {
             ("min(a, 3) + max(a)", vec![10.0]),
             ("verdict(a[0] > 5, a[0] > 3)", vec![1.0]),
             ("at_least(a[2] / a[0], 2)", vec![2.0]),
-            ("looks_as_good(a[2], a[0], 2)", vec![1.0]),
+            ("as_good(a[2], a[0], 2)", vec![1.0]),
             ("all(2, 0)", vec![1.0]),
             ("each(a >= 2)", vec![2.0]),
             ("exponent([1, 2, 4], [1, 4, 16])", vec![2.0]),

@@ -24,8 +24,8 @@ pub enum Holds {
 pub const TIME_SLACK: f64 = 1.15;
 /// Largest ratio between two measured numbers at which they still count as equal.
 pub const EQUAL: f64 = 1.05;
-/// Largest root mean square error of a picture that counts as invisible: two steps of 8 bits.
-pub const INVISIBLE: f64 = 2.0 / 255.0;
+/// Largest root mean square error of a picture that counts as small: two steps of 8 bits.
+pub const SMALL_ERROR: f64 = 2.0 / 255.0;
 
 impl Holds {
     /// Returns the verdict on a paper's claim as tables show it; empty for a claim that was not tested.
@@ -82,12 +82,12 @@ pub fn at_most(ratio: f64, limit: f64, most: f64) -> Holds {
     Holds::of(ratio <= limit, ratio <= most)
 }
 
-/// Verdict on a picture that looks as good as another according to a paper, by the root mean square errors of the two.
-/// `Yes` if both are invisible ([`INVISIBLE`]) or the error is at most [`EQUAL`] times the other, `Partly` up to `most`
-/// times.
-pub fn looks_as_good(error: f64, other: f64, most: f64) -> Holds {
-    let invisible = error <= INVISIBLE && other <= INVISIBLE;
-    if invisible { Holds::Yes } else { at_most(error / other, EQUAL, most) }
+/// Verdict on a picture that is as good as another according to a paper, by the root mean square errors of the two.
+/// `Yes` if the error is at most [`EQUAL`] times the other; `Partly` up to `most` times, or if both errors are small
+/// ([`SMALL_ERROR`]): a mean does not tell whether they can be seen.
+pub fn as_good(error: f64, other: f64, most: f64) -> Holds {
+    let small = error <= SMALL_ERROR && other <= SMALL_ERROR;
+    Holds::of(error <= EQUAL * other, small || error <= most * other)
 }
 
 /// Verdict on a series of measurements that rises according to a paper. `Yes` if no step falls and the total rise
@@ -182,9 +182,9 @@ mod tests {
         assert_eq!([2.0, 1.3, 1.0].map(|r| at_least(r, 2.0)), [Yes, Partly, No]);
         assert_eq!([1.0, 1.3, 2.0].map(|r| at_most(r, 1.05, 1.5)), [Yes, Partly, No]);
         assert_eq!(at_most(f64::NAN, 1.0, 2.0), No, "what is no number shows nothing");
-        assert_eq!(looks_as_good(0.007, 0.001, 2.0), Yes, "neither error is visible");
-        assert_eq!([0.0104, 0.015, 0.05].map(|e| looks_as_good(e, 0.01, 2.0)), [Yes, Partly, No]);
-        assert_eq!(looks_as_good(f64::NAN, 0.001, 2.0), No);
+        assert_eq!(as_good(0.007, 0.001, 2.0), Partly, "both errors are small");
+        assert_eq!([0.0104, 0.015, 0.05].map(|e| as_good(e, 0.01, 2.0)), [Yes, Partly, No]);
+        assert_eq!(as_good(f64::NAN, 0.001, 2.0), No);
         assert_eq!(at_least(f64::NAN, 1.0), No);
     }
 
