@@ -46,7 +46,11 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
         Some((folder, conditions)) => verify_benchmark(args, &folder, &conditions)?,
         None => verify_comparison(args, &Archive::read(&args.folder)?)?,
     };
-    let Verified { values, differences } = verified;
+    let Verified { values, differences, random } = verified;
+    if random > 0 {
+        let text = "values of random estimators depend on the revision, the adapter and the driver";
+        print_message("note", &format_args!("{random} {text}: they are not compared"));
+    }
     if differences.is_empty() {
         return print_result(&format_args!("{}: {values} values are confirmed\n", args.folder.display()));
     }

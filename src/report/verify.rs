@@ -72,6 +72,8 @@ pub struct Verified {
     pub values: usize,
     /// Recorded values that differ from the new measurement.
     pub differences: Vec<Difference>,
+    /// Number of recorded values of random estimators that another program cannot measure again.
+    pub random: usize,
 }
 
 impl Verified {
@@ -90,7 +92,7 @@ impl Verified {
 fn is_close([recorded, measured]: [&str; 2], by: Recorder) -> bool {
     let [relative, absolute] = by.tolerance();
     match (recorded.parse::<f64>(), measured.parse::<f64>()) {
-        (Ok(a), Ok(b)) => (a - b).abs() <= absolute + relative * a.abs(),
+        (Ok(a), Ok(b)) => a.is_finite() && (a - b).abs() <= absolute + relative * a.abs(),
         _ => false,
     }
 }
@@ -146,6 +148,7 @@ impl Archive {
                 let Some(text) = recorded.get(*name) else { continue };
                 // Random numbers depend on the last bits of positions.
                 if row.point_variance.is_some() && by != Recorder::Same && !["map", "bytes"].contains(name) {
+                    verified.random += 1;
                     continue;
                 }
                 verified.compare(&title, name, [text, &row.cell(name).to_string()], by);
@@ -180,10 +183,11 @@ mod tests {
             (["0.0123", "0.0124"], OtherRevision),
             (["0.0123", "0.02"], OtherAdapter),
             (["", "0.1"], OtherAdapter),
+            (["inf", "0.1"], OtherRevision),
         ] {
             verified.compare("r", "c", values, by);
         }
-        assert_eq!(verified.differences.len(), 4);
+        assert_eq!(verified.differences.len(), 5);
         assert_eq!(verified.differences[0].recorded, "0.0123");
     }
 }
