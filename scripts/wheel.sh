@@ -28,7 +28,7 @@ total_s=$((SECONDS - start))
 echo "wheel: $(du -m "$wheel" | cut -f1) MiB, installed in $installed_s s, with a first picture in $total_s s"
 ((total_s <= limit_s)) || { echo "error: installation and first picture took over $limit_s s" >&2; exit 1; }
 
-# Which systems the wheel runs on. Its absence is no fault of the wheel.
+# Which systems the wheel runs on. A machine without auditwheel says nothing about the wheel.
 if [[ $(uname) == Linux ]] && "${pip[@]}" install auditwheel; then
     tools/bin/auditwheel show "$wheel"
 fi

@@ -213,6 +213,9 @@ def test_groups_of_zarr():
         ({"axes": []}, "no axes x, y and z; give one of its arrays"),
         ({"axes": list("czyx")}, "no axes x, y and z; give one of its arrays"),
         ({"coordinateTransformations": [{"type": "affine"}]}, "a transformation affine"),
+        ({"axes": [{"unit": "meter"}] * 4}, "are not valid .KeyError.'name'.."),
+        ({"datasets": []}, "are not valid .IndexError"),
+        ({"datasets": [{"path": "0", "coordinateTransformations": [{"type": "scale"}]}]}, "are not valid .KeyError"),
         ({"axes": [{"name": name, "unit": "meter"} for name in "ztyx"]}, "its axis t has 7 entries; give an array"),
     ]:
         with pytest.raises(uv.InputError, match=why):

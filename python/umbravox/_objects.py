@@ -131,6 +131,13 @@ def _of_napari(layer: Any) -> tuple[Any, Any]:
 
 
 def _of_ome_zarr(group: Any) -> tuple[Any, Any]:
+    try:
+        return _level_0(group)
+    except (AttributeError, IndexError, KeyError, TypeError) as error:
+        raise ValueError(f"its OME multiscales are not valid ({error!r}); give one of its arrays and an affine") from error
+
+
+def _level_0(group: Any) -> tuple[Any, Any]:
     """Level 0 of an OME-Zarr image (NGFF 0.4 and 0.5), as its files are read: x, y and z are taken as RAS+."""
     attributes = dict(group.attrs)
     images = attributes.get("ome", attributes).get("multiscales")
@@ -153,7 +160,7 @@ def _of_ome_zarr(group: Any) -> tuple[Any, Any]:
     place = [names.index(name) for name in "xyz"]
     units = [axes[axis].get("unit") for axis in place]
     if any(unit not in _MM for unit in units):
-        warnings.warn("its axes have no known unit of length: taken as mm", stacklevel=3)
+        warnings.warn("its axes have no known unit of length: taken as mm", stacklevel=4)
     mm = np.array([_MM.get(unit, 1.0) for unit in units])
     array = group[level["path"]]
     for axis, size in enumerate(array.shape):

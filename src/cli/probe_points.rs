@@ -16,17 +16,16 @@ const WHAT: &str = "cannot read points";
 /// A line that is not three finite numbers; the error names the line number. A point list of 3D Slicer with a point that
 /// has no place, or in another coordinate system than RAS and LPS.
 pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let refuse = |why| Error::input(WHAT, place, why);
     if text.trim_start().starts_with('{') {
-        return parse_markups(text).map_err(|why| Error::input(WHAT, place, why));
+        parse_markups(text).map_err(refuse)
+    } else if text.starts_with("# Markups fiducial file") {
+        parse_fcsv(text).map_err(refuse)
+    } else {
+        let rows = parse_rows(text, WHAT, place, "a line is `x y z`, world mm")?;
+        Ok(rows.into_iter().map(DVec3::from_array).collect())
     }
-    let is_fcsv = text.starts_with("# Markups fiducial file");
-    let to_ras = match is_fcsv {
-        true => ras_from(fcsv_system(text)).map_err(|why| Error::input(WHAT, place, why))?,
-        false => DVec3::ONE,
-    };
-    let rows = if is_fcsv { fcsv_rows(text) } else { text.to_owned() };
-    let rows = parse_rows(&rows, WHAT, place, "a line is `x y z`, world mm")?;
-    Ok(rows.into_iter().map(|row| DVec3::from_array(row) * to_ras).collect())
 }
 
 /// Returns the factors from a coordinate system of 3D Slicer to RAS+.
@@ -38,19 +37,26 @@ fn ras_from(system: &str) -> std::result::Result<DVec3, String> {
     }
 }
 
-/// Returns the coordinate system in the first lines of an `.fcsv` file; empty if there is none.
-fn fcsv_system(text: &str) -> &str {
+/// Parses an `.fcsv` file: comments, of which one names the coordinate system, and rows `id,x,y,z,...`.
+fn parse_fcsv(text: &str) -> std::result::Result<Vec<DVec3>, String> {
     let mut header = text.lines().take_while(|line| line.starts_with('#'));
-    header.find_map(|line| line.strip_prefix("# CoordinateSystem =")).map_or("", str::trim)
-}
-
-/// Returns the lines of an `.fcsv` file with the columns x, y and z alone, which follow the id of the point.
-fn fcsv_rows(text: &str) -> String {
-    let place = |line: &str| match line.starts_with('#') {
-        true => line.to_owned(),
-        false => line.split(',').skip(1).take(3).collect::<Vec<_>>().join(","),
-    };
-    text.lines().map(place).collect::<Vec<_>>().join("\n")
+    let system = header.find_map(|line| line.strip_prefix("# CoordinateSystem ="));
+    let to_ras = ras_from(system.ok_or("its header names no coordinate system")?.trim())?;
+    let mut points = Vec::new();
+    let rows = (1..).zip(text.lines()).filter(|(_, row)| !row.trim().is_empty() && !row.starts_with('#'));
+    for (line, row) in rows {
+        // An id may be quoted.
+        let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(row.as_bytes());
+        let columns = reader.records().next().transpose().map_err(|e| e.to_string())?.unwrap_or_default();
+        let coordinate = |column: usize| {
+            let number = columns.get(column).and_then(|word| word.trim().parse().ok());
+            number.filter(|x: &f64| x.abs() < MAX_COORDINATE).ok_or_else(|| {
+                format!("line {line} has no finite numbers after its id: expected `id,x,y,z,...`")
+            })
+        };
+        points.push(DVec3::new(coordinate(1)?, coordinate(2)?, coordinate(3)?) * to_ras);
+    }
+    Ok(points)
 }
 
 /// File `.mrk.json` of 3D Slicer.
@@ -123,9 +129,11 @@ mod tests {
 
     #[test]
     fn points_are_rows_of_three() {
-        for text in
-            ["1 2 3\n\n-4 5e0 .5\n", "# x y z\r\n1, 2,3\r\n-4\t5e0 .5", "x,y,z\n1,2,3\n# end\n-4,5,.5"]
-        {
+        for text in [
+            "\u{feff}1 2 3\n\n-4 5e0 .5\n",
+            "# x y z\r\n1, 2,3\r\n-4\t5e0 .5",
+            "x,y,z\n1,2,3\n# end\n-4,5,.5",
+        ] {
             assert_eq!(parse_points(text, "points.txt").unwrap(), EXPECTED);
         }
         let error = refusal("1 2 3\n1 2");
@@ -138,7 +146,7 @@ mod tests {
         let file = |system: &str, sign: i32| {
             let system = format!("# Markups fiducial file version = 4.11\n# CoordinateSystem = {system}\n");
             format!(
-                "{system}{columns}\n1,{sign},{},3,0,0,0,1,1,1,0,F-1,,\nb,{},{},.5,0,0,0,1,1,1,0,\"a,b\",,,2,0\n",
+                "{system}{columns}\n\"1,a\",{sign},{},3,0,0,0,1,1,1,0,F-1,,\nb,{},{},.5,0,0,0,1,1,1,0,\"a,b\",,,2,0\n",
                 2 * sign,
                 -4 * sign,
                 5 * sign
@@ -149,8 +157,9 @@ mod tests {
         }
         for (text, why) in [
             (file("2", 1), "points.txt): its coordinate system is `2`; expected RAS or LPS"),
-            (file("RAS", 1).replace("# CoordinateSystem", "# Coordinates"), "its coordinate system is ``"),
-            (file("RAS", 1).replace("1,1,2,3", "1,1,x,3"), "line 4): `x` is not a finite number"),
+            (file("RAS", 1).replace("# CoordinateSystem", "# Coordinates"), "names no coordinate system"),
+            (file("RAS", 1).replace("a\",1,2,3", "a\",x,y,z"), "line 4 has no finite numbers after its id"),
+            (file("RAS", 1) + "c,1,2\n", "line 6 has no finite numbers after its id"),
         ] {
             let error = refusal(&text);
             assert!(error.contains(why), "{error}");
