@@ -103,6 +103,7 @@ impl App {
                     model.take_frame(*frame);
                 }
                 Event::Pages(pages) => model.pages = Some(pages),
+                Event::Note(text) => model.note(text),
                 Event::Unchanged { revision } => model.take_unchanged(revision),
                 Event::Probed(result) => {
                     self.slices.go_to(model.document.as_ref(), result.point);

@@ -328,6 +328,7 @@ impl Model {
         let methods = [method, old.map(|d| d.other)].map(|method| method.unwrap_or_else(first));
         self.document = Some(Document::new(opened, initial, methods));
         self.frame = None;
+        self.pages = None;
         self.settled = false;
     }
 

@@ -35,8 +35,8 @@ impl DevicePages {
     pub fn resident(&self) -> ResidentPages {
         let Self { usage, stream } = self;
         let resident = stream.as_ref().map_or(usage.needed, |stream| stream.resident_pages());
-        let loads = stream.as_ref().map(|stream| stream.usage().blocks);
-        ResidentPages { needed: usage.needed, resident, loads }
+        let blocks = stream.as_ref().map(|stream| stream.usage().blocks);
+        ResidentPages { needed: usage.needed, resident, blocks }
     }
 }
 
@@ -48,7 +48,7 @@ pub struct ResidentPages {
     /// Number of pages that are resident.
     pub resident: usize,
     /// Number of blocks of pages that became resident so far; `None` if all needed pages are resident.
-    pub loads: Option<u64>,
+    pub blocks: Option<u64>,
 }
 
 /// Intended duration of the submissions of [`Prepared::render_watched`], ms.

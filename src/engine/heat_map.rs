@@ -3,7 +3,7 @@
 use super::cached_session::CachedSession;
 use super::mailbox::EventSender;
 use super::messages::{DifferenceRequest, DifferenceSide, Differences, Event};
-use super::shadow_cache::{MapCoverage, Work};
+use super::shadow_cache::{Building, MapCoverage, Work};
 use crate::error::Result;
 use crate::measure::certified;
 use crate::measure::error_map::{ErrorMap, Quantity};
@@ -37,8 +37,15 @@ pub fn compare(
     let mut found = Vec::new();
     for spec in &request.methods {
         let spec = if bounds { spec.clone().enclosing()? } else { spec.clone() };
-        let made = session.prepare(spec.method()?.as_ref(), (scene, MapCoverage::Picture), &mut work)?;
-        let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &proceed)?;
+        let building = Building { go_on: Some(&proceed), ..Building::default() };
+        let (method, extent) = (spec.method()?, (scene, MapCoverage::Picture));
+        let map = match session.prepare_with(method.as_ref(), extent, &mut work, building) {
+            Err(error) if error.is_cancelled() => None,
+            Err(error) => return Err(error),
+            Ok(made) => {
+                request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &proceed)?
+            }
+        };
         let Some(map) = map else {
             events.send(Event::DifferenceInterrupted(Arc::clone(request)));
             return Ok(());

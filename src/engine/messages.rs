@@ -65,6 +65,8 @@ pub enum Event {
     /// Completed fraction of the running picture export, 0 to 1.
     ExportProgress(f32),
     Exported(Exported),
+    /// Note for the user; pictures go on.
+    Note(String),
     /// Message that a request to the render thread failed. The picture on screen stays.
     Failed(Error),
 }

@@ -1,12 +1,12 @@
 //! Progressive rendering: a coarse picture at once during interaction, and full quality when the user's input pauses.
 
-use super::cached_session::CachedSession;
+use super::cached_session::{CachedSession, DevicePages};
 use super::invalidation::Stage;
 use super::mailbox::{EventSender, Mailbox};
 use super::messages::{Event, Frame, FrameRequest, FrameSettings, MethodFrame};
 use super::quality::{Quality, Speeds};
 use super::reading::{OpenedVolume, suitable_shading};
-use super::reduced_copy::{ReducedCopy, limit_beside_copy};
+use super::reduced_copy::{ReducedCopy, reserve};
 use super::shadow_cache::{Building, MapCoverage, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
 use crate::field::DeferredPasses;
@@ -39,8 +39,8 @@ pub struct ProgressiveRenderer {
 
 impl ProgressiveRenderer {
     pub fn new(gpu: Gpu) -> Self {
-        let limit = gpu.memory_limit.map(limit_beside_copy);
-        let gpu = gpu.with_memory_limit(limit);
+        let for_copy = gpu.memory_limit.map_or(0, reserve);
+        let gpu = gpu.with_memory_reserve(for_copy);
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let submission_ms = if software { SOFTWARE_BAND_MS } else { BAND_MS };
         let renderer = Arc::new(Renderer::live(gpu, submission_ms));
@@ -95,8 +95,10 @@ impl ProgressiveRenderer {
         }
         if let Some(coarse) = self.coarse(&full, settings) {
             self.shown = None;
-            if let Some(frame) = self.draw(request, &coarse, false, work, || true)? {
-                events.send(Event::Frame(Box::new(frame)));
+            match self.draw(request, &coarse, false, work, || true) {
+                Ok(frame) => frame.into_iter().for_each(|frame| events.send(Event::Frame(Box::new(frame)))),
+                Err(error) if self.session.streams() => self.reduced.fail(&error, events),
+                Err(error) => return Err(error),
             }
             // The full-quality picture reports the time of the tables, but not that of the coarse map.
             work.build_ms = None;
@@ -106,7 +108,8 @@ impl ProgressiveRenderer {
         }
         let pages = self.session.pages();
         let proceed = || {
-            pages.iter().for_each(|pages| events.send(Event::Pages(pages.resident())));
+            let resident = pages.iter().map(DevicePages::resident).filter(|pages| pages.blocks.is_some());
+            resident.for_each(|pages| events.send(Event::Pages(pages)));
             !mailbox.has_requests()
         };
         let frame = self.draw(request, &full, true, work, proceed)?;
@@ -123,7 +126,7 @@ impl ProgressiveRenderer {
             Ok(Some(_)) => true,
             Ok(None) => !mailbox.has_requests(),
             Err(error) => {
-                events.send(Event::Failed(error));
+                self.reduced.fail(&error, events);
                 true
             }
         }
@@ -153,7 +156,8 @@ impl ProgressiveRenderer {
         let Quality { width, height, step, .. } = *quality;
         let scene = &request.settings.scene;
         // A request may be older than the volume on the device.
-        let shading = suitable_shading(scene.shading, self.session.has_strands());
+        let drawn_by = drawn_by(&mut self.session, &mut self.reduced, is_final);
+        let shading = suitable_shading(scene.shading, drawn_by.has_strands());
         let scene = Scene { width, height, step, shading, ..scene.clone() };
         let mut sides = Vec::with_capacity(2);
         let mut longest_band_ms = 0.0_f64;

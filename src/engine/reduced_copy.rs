@@ -1,7 +1,8 @@
 //! Reduced copy of a volume whose pages exceed the device memory, for pictures while something moves.
 
 use super::cached_session::CachedSession;
-use super::mailbox::Mailbox;
+use super::mailbox::{EventSender, Mailbox};
+use super::messages::Event;
 use super::shadow_cache::{ReusePolicy, ShadowCache};
 use super::task::{Task, Wake};
 use crate::error::{Error, Result};
@@ -20,7 +21,7 @@ const PARTS_OF_LIMIT: u64 = 8;
 const MOST_BYTES: u64 = 256 << 20;
 /// Size of a texel of the copy, bytes: volumes with many values have floats.
 const TEXEL_BYTES: u64 = 4;
-/// Time between two looks for the finished copy.
+/// Time after which it is asked again whether the copy is finished.
 const WAIT: Duration = Duration::from_millis(50);
 
 /// Reduced copy of a volume, once it is needed.
@@ -30,7 +31,7 @@ pub enum ReducedCopy {
     #[default]
     Unneeded,
     /// A background thread reads the volume.
-    Making(Making),
+    Pending(Reduction),
     /// The copy is on the device.
     Ready(Box<CachedSession>),
     /// There is no memory for it, or the volume cannot be read.
@@ -38,25 +39,25 @@ pub enum ReducedCopy {
 }
 
 /// Background thread that reduces a volume. Dropping it cancels the work.
-pub struct Making {
+pub struct Reduction {
     task: Task<Result<Volume>>,
     loading: Arc<Loading>,
 }
 
-impl Drop for Making {
+impl Drop for Reduction {
     fn drop(&mut self) {
         self.loading.cancel();
     }
 }
 
-impl Making {
-    fn start(volume: &Arc<Volume>, room: MemoryBudget) -> Result<Self> {
+impl Reduction {
+    fn start(volume: &Arc<Volume>, budget: MemoryBudget) -> Result<Self> {
         let (volume, loading) = (Arc::clone(volume), Arc::new(Loading::default()));
         let own = Arc::clone(&loading);
         let no_wake: Wake = Arc::new(|| ());
         let task = Task::start("reduce", no_wake, move |sender, _| {
             let refuse = |why: String| Error::runtime("cannot reduce volume", &volume.provenance.source, why);
-            let factors = room.factors(volume.dims(), 0).map_err(refuse);
+            let factors = budget.factors(volume.dims(), 0).map_err(refuse);
             // The receiver is gone after a cancellation.
             let _ = sender.send(factors.and_then(|factors| volume.downsampled(factors, &own)));
         })?;
@@ -74,9 +75,9 @@ impl ReducedCopy {
         let Some(loaded) = &full.loaded else { return Ok(None) };
         if matches!(self, Self::Unneeded) {
             *self = Self::Failed;
-            *self = Self::Making(Making::start(&loaded.volume, room(full))?);
+            *self = Self::Pending(Reduction::start(&loaded.volume, budget(full))?);
         }
-        while let Self::Making(Making { task, .. }) = self {
+        while let Self::Pending(Reduction { task, .. }) = self {
             match task.poll() {
                 Ok(volume) => {
                     *self = Self::Failed;
@@ -102,24 +103,31 @@ impl ReducedCopy {
         Ok(self.ready())
     }
 
+    /// Gives up the copy, and says why.
+    pub fn fail(&mut self, error: &Error, events: &EventSender) {
+        *self = Self::Failed;
+        events.send(Event::Note(format!("no reduced copy is drawn while something moves: {error}")));
+    }
+
     /// Returns the session with the copy, once it is made.
     pub fn ready(&mut self) -> Option<&mut CachedSession> {
         if let Self::Ready(session) = self { Some(session) } else { None }
     }
 }
 
-/// Returns the limit on device memory for a volume, of a limit that a reduced copy shares.
-pub fn limit_beside_copy(limit: u64) -> u64 {
-    limit - limit / PARTS_OF_LIMIT
+/// Returns the part of a limit on device memory that a reduced copy may take, bytes.
+pub fn reserve(limit: u64) -> u64 {
+    limit / PARTS_OF_LIMIT
 }
 
-/// Returns the room for a reduced copy beside the pages of a volume.
-fn room(full: &CachedSession) -> MemoryBudget {
+/// Returns the memory that a reduced copy may take beside the pages of a volume.
+fn budget(full: &CachedSession) -> MemoryBudget {
     let gpu = full.renderer.gpu();
+    let has_labels = full.loaded.as_ref().is_some_and(|loaded| loaded.volume.labels().is_some());
     MemoryBudget {
         fixed: None,
-        most_bytes: gpu.memory_limit.map_or(MOST_BYTES, |limit| limit / (PARTS_OF_LIMIT - 1)),
-        bytes_beside: TEXEL_BYTES,
+        most_bytes: gpu.memory_limit.map_or(MOST_BYTES, reserve),
+        bytes_beside: TEXEL_BYTES + u64::from(has_labels),
         texture_side: gpu.device.limits().max_texture_dimension_3d as usize,
         fits_texture: holds_volume,
     }

@@ -1,5 +1,5 @@
 //! Order of many rays through a volume that is read in parts. Rays that meet the same chunks follow each other, so that
-//! chunks are read a few times, however many rays there are.
+//! most of them find their chunks in memory.
 
 use super::ExactField;
 use crate::volume::{CHUNK_CELLS, VoxelStorage};

@@ -189,7 +189,8 @@ impl DeviceVolume {
     ) -> Result<(Arc<PagePool>, Residency)> {
         let count = pages.iter().unique().count();
         let page_bytes = PagePool::page_bytes(volume, &self.packing);
-        let most = gpu.memory_limit.map_or(usize::MAX, |limit| (limit / page_bytes) as usize);
+        let slots_in = |limit: u64| (limit / page_bytes) as usize;
+        let most = gpu.memory_limit.map_or(usize::MAX, slots_in);
         if let Some(pool) = former {
             if !pool.is_streamed() {
                 if let Some(slots) = pool.store(gpu, volume, &pages)? {
@@ -215,6 +216,7 @@ impl DeviceVolume {
                 return Ok((Arc::new(pool), Residency::All(table)));
             }
         }
+        let most = gpu.memory_limit.map_or(count, |limit| slots_in(limit.saturating_sub(gpu.memory_reserve)));
         let sizes = std::iter::successors(Some(most.min(count)), |slots| Some(slots * 7 / 8));
         for most in sizes.take_while(|slots| *slots > 0) {
             let made = without_errors(gpu, || PagePool::within(gpu, volume, self.packing, most))?;

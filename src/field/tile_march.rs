@@ -168,7 +168,10 @@ impl<'a> TileMarch<'a> {
         let reach = if reads_neighbours { PageReach::Neighbours } else { PageReach::Own };
         let mut ran: Option<(Span, Option<Vec<u32>>)> = None;
         stream.sweep(context.gpu(), context.volume, (self.light_rays(), reach), || {
-            let (span, read) = context.at_once().run_over(list, label, &variant, group, &stage, read)?;
+            // Light rays that are finished take no time, so earlier passes tell nothing about this one.
+            let pace = context.pace.unlearned();
+            let context = BuildContext { pace: &pace, ..context.at_once() };
+            let (span, read) = context.run_over(list, label, &variant, group, &stage, read)?;
             ran = Some((ran.take().map_or(span, |(before, _)| before.plus(span)), read));
             Ok(true)
         })?;

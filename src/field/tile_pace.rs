@@ -63,6 +63,11 @@ impl TilePace {
         Self { target_ms, rates: Mutex::default() }
     }
 
+    /// Returns a choice for submissions of the same duration, without measured speeds.
+    pub fn unlearned(&self) -> Self {
+        Self::new(self.target_ms)
+    }
+
     /// Whether the duration of submissions during a shadow-map build is limited. If the host's clock measures
     /// this duration, the device has to be idle before each submission.
     pub fn is_limited(&self) -> bool {

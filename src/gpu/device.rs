@@ -23,6 +23,8 @@ pub struct Gpu {
     pub tuning: Tuning,
     /// Limit on the memory for the voxels of a volume, bytes; `None`: what the device has.
     pub memory_limit: Option<u64>,
+    /// Part of the limit that stays free while blocks of a volume's pages take turns, bytes.
+    pub memory_reserve: u64,
     /// Whether the adapter can filter textures of 32-bit floats.
     pub filters_float32: bool,
     /// Nanoseconds per tick of the device timestamps; `None` for a software adapter or one without timestamps.
@@ -132,6 +134,7 @@ impl Gpu {
             info,
             tuning,
             memory_limit: None,
+            memory_reserve: 0,
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             sharing,
@@ -145,6 +148,12 @@ impl Gpu {
     #[must_use]
     pub fn with_memory_limit(self, memory_limit: Option<u64>) -> Self {
         Self { memory_limit, ..self }
+    }
+
+    /// Keeps a part of the limit on memory free, bytes, while blocks of a volume's pages take turns.
+    #[must_use]
+    pub fn with_memory_reserve(self, memory_reserve: u64) -> Self {
+        Self { memory_reserve, ..self }
     }
 
     /// Whether the graphics adapter is a software adapter, which runs on the processor.

@@ -24,8 +24,11 @@ pub(super) trait Output {
         Ok(None)
     }
 
-    /// Receives the share of the picture that is drawn (0 to 1), between the passes of a band.
-    fn advanced(&mut self, _share: f32) {}
+    /// Receives the share of the picture that is drawn (0 to 1), between the passes of a band. `false` stops the drawing
+    /// between blocks of a volume's pages; otherwise it stops between bands only.
+    fn advanced(&mut self, _share: f32) -> bool {
+        true
+    }
 
     /// Processes a band that is finished on the device. If it returns `false`, the drawing stops.
     fn finished(&mut self, band: &Band<'_>) -> Result<bool>;
@@ -54,9 +57,8 @@ impl<G: FnMut(f32) -> bool> Output for ToHost<'_, G> {
         self.rows.clone()
     }
 
-    fn advanced(&mut self, share: f32) {
-        // The drawing stops between bands only.
-        let _ = (self.go_on)(share);
+    fn advanced(&mut self, share: f32) -> bool {
+        (self.go_on)(share)
     }
 
     fn finished(&mut self, band: &Band<'_>) -> Result<bool> {

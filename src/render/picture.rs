@@ -177,9 +177,8 @@ impl Renderer {
             };
             let band = Band { buffer: &buffer, first_row, rows };
             let after = output.pass(&band)?;
-            let mut advanced = |share: f32| {
-                output.advanced((first_row as f32 + share * rows as f32) / height as f32);
-            };
+            let mut advanced =
+                |share: f32| output.advanced((first_row as f32 + share * rows as f32) / height as f32);
             let after = after.as_ref();
             let is_drawn =
                 self.cast_band(&caster, &band, (pixels, pacing), after, &mut span, &mut advanced)?;
@@ -202,7 +201,7 @@ impl Renderer {
         (pixels, pacing): (u32, &mut dyn Pacing),
         after: Option<&OutputPass>,
         span: &mut Span,
-        advanced: &mut dyn FnMut(f32),
+        advanced: &mut dyn FnMut(f32) -> bool,
     ) -> Result<bool> {
         let width = caster.scene.width;
         // Number of unfinished pixels and padding, then the progress of each pixel: sample, light there, last two values.
@@ -243,12 +242,15 @@ impl Renderer {
                 let mut advanced = |unfinished: u32| {
                     let share = 1.0 - unfinished as f32 / (columns * rows) as f32;
                     let passes = (i as f32 + share) / caster.passes.len() as f32;
-                    advanced((first_column as f32 + passes * columns as f32) / width as f32);
+                    advanced((first_column as f32 + passes * columns as f32) / width as f32)
                 };
                 let tiles = [left_out, tiles.cast];
-                let mut go_on = || pacing.pixels_next().is_some();
-                let watch = (&mut go_on as &mut dyn FnMut() -> bool, &mut advanced as &mut dyn FnMut(u32));
-                let took = self.cast_part(caster, pass, (&stages, &progress), tiles, after, watch)?;
+                // Without a share of pixels: a block of pages is finished.
+                let mut go_on = |unfinished: Option<u32>| {
+                    advanced(unfinished.unwrap_or(columns * rows))
+                        && (unfinished.is_some() || pacing.pixels_next().is_some())
+                };
+                let took = self.cast_part(caster, pass, (&stages, &progress), tiles, after, &mut go_on)?;
                 let Some(took) = took else { return Ok(false) };
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
             }
@@ -263,9 +265,9 @@ impl Renderer {
 
     /// Runs one rendering pass over a part of a band of picture rows, in as many dispatches as it needs. `stages` are
     /// the groups 2 of the sections of the volume, or of the whole volume. `tiles` holds the number of picture tiles
-    /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission. `advanced`
-    /// receives the number of unfinished pixels after each dispatch. Between blocks of pages of a volume, `go_on` may stop
-    /// the drawing; the result is then `None`.
+    /// without eye rays, and the number of those with eye rays. `after` runs at the end of each submission. `go_on`
+    /// receives the number of unfinished pixels after each dispatch; after that of a block of the volume's pages it
+    /// receives `None`, and may stop the drawing. The result is then `None`.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -273,7 +275,7 @@ impl Renderer {
         (stages, progress): (&[Group], &wgpu::Buffer),
         tiles: [u32; 2],
         after: Option<&OutputPass>,
-        (go_on, advanced): (&mut dyn FnMut() -> bool, &mut dyn FnMut(u32)),
+        go_on: &mut dyn FnMut(Option<u32>) -> bool,
     ) -> Result<Option<Span>> {
         let shared = [caster.transfer.group(), &pass.group];
         let groups = section_groups(pass.sections, shared, stages, caster.mesh.as_ref());
@@ -321,14 +323,14 @@ impl Renderer {
             let mut took = Span { gpu_ms: None, wall_ms: 0.0 };
             let is_drawn = stream.sweep(self.gpu(), volume, rays, || {
                 took = submit()?.0;
-                Ok(go_on())
+                Ok(go_on(None))
             })?;
-            advanced(0);
+            go_on(Some(0));
             return Ok(is_drawn.then_some(took));
         }
         loop {
             let (so_far, unfinished) = submit()?;
-            advanced(unfinished);
+            go_on(Some(unfinished));
             if unfinished == 0 {
                 return Ok(Some(so_far));
             }

@@ -169,7 +169,7 @@ impl Volume {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling};
+    use crate::volume::{Labels, Provenance, Scaling};
 
     #[test]
     fn texts() {
@@ -215,6 +215,22 @@ mod tests {
             assert!((part.index_from_world().transform_point3(place).x - i as f64).abs() < 1e-12);
         }
         assert!(part.provenance.warnings[0].contains("reduced by 2x1x3 from 7 x 4 x 5 to 4 x 4 x 2"));
+    }
+
+    #[test]
+    fn blocks_have_the_label_of_their_middle() {
+        let dims = [5, 4, 3];
+        let label_at = |at: usize| Ok((at % 5 + 10 * (at / 5 % 4) + 100 * (at / 20)) as u32);
+        let labels = Labels::new(dims.iter().product(), label_at, false).unwrap();
+        let voxels = Voxels::U8(Array3::zeros((3, 4, 5)));
+        let provenance = Provenance::new("test", "test", "test");
+        let whole = Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap();
+        let whole = whole.labelled(Arc::new(labels)).unwrap();
+        let part = whole.downsampled([3, 2, 2], &Loading::default()).unwrap();
+        let labels = part.labels().unwrap();
+        let found: Vec<u32> = labels.ranks().iter().map(|rank| labels.ids()[usize::from(*rank)]).collect();
+        // Incomplete blocks have the label of their last voxel.
+        assert_eq!(found, [111, 114, 131, 134, 211, 214, 231, 234]);
     }
 
     #[test]

@@ -118,14 +118,14 @@ impl Times {
 }
 
 /// Shows which part of the pages that the picture needs is on the device.
-fn resident(ui: &mut egui::Ui, ResidentPages { needed, resident, loads }: ResidentPages) {
+fn resident(ui: &mut egui::Ui, ResidentPages { needed, resident, blocks }: ResidentPages) {
     let share = resident as f32 / needed.max(1) as f32;
     let text = format!("{} of {needed} pages resident", resident.min(needed));
     let bar = ui.add(egui::ProgressBar::new(share.min(1.0)).text(&text));
     bar.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, &text));
-    let tooltip = match loads {
-        Some(loads) => format!(
-            "More pages have extinction than the device memory holds: the picture is drawn block by block ({loads} blocks \
+    let tooltip = match blocks {
+        Some(blocks) => format!(
+            "More pages have extinction than the device memory holds: the picture is drawn block by block ({blocks} blocks \
              so far), and a reduced copy of the volume while something moves"
         ),
         None => "Cubes of 32 cells with extinction, which are on the device".into(),
