@@ -63,6 +63,7 @@ scene vessels-isosurface CT_AVM.nii.gz --tf isosurface
 scene head CT_pitch.nii.gz --tf ct
 scene thorax phantom:thorax:128 --tf ct
 scene hair phantom:hair-curly --tf hair
+archive near-rays/curves compare engine.nii.gz --tf engine.json "${light[@]}" --methods "dsm:epsilon=0.002,map=256,near=0,4,align=off,on;avsm:nodes=32,bits=32,map=256,near=0,4" --size 256x256 --step 1 --rays 200
 
 optimal="dsm:epsilon=0.005,0.02,0.06;dsm:epsilon=0.005,0.02,0.06,segments=transmittance;dsm:epsilon=0.005,0.02,0.06,compress=optimal"
 archive optimal-nodes/engine compare engine.nii.gz --tf engine.json --methods "$optimal" --rays 500
