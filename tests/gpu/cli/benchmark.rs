@@ -40,7 +40,7 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
     {
         // A run that is killed leaves nothing that the next one takes for a result.
         let arguments = [&ARGUMENTS[..], &["--cells", "cloud-dense-front-front"]].concat();
-        let begun = |messages: &str| messages.contains(": moments");
+        let begun = |messages: &str| messages.contains("cloud-dense-front-front");
         let (status, messages) = crate::program::ended_by("KILL", dir.path(), &arguments, begun);
         assert_eq!(status, None, "{messages}");
         assert_eq!(fs::read_dir(dir.path().join("out/cells")).unwrap().count(), 0);
