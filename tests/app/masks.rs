@@ -1,7 +1,9 @@
 //! Masking of a volume in the window: clip planes with handles, and labels of a segmentation.
 
 use super::Bench;
+use eframe::egui::epaint::Shape;
 use eframe::egui::{Modifiers, vec2};
+use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use ndarray::Array3;
 use std::path::Path;
@@ -105,4 +107,48 @@ fn labels_are_hidden_and_shown() {
     assert!(text.contains("hide = \"0,3\"") && text.contains("1=skin"), "{text}");
     let loaded = SceneRequest::from_toml(&text).unwrap().settings.load(&Loading::default()).unwrap();
     assert_eq!(loaded.tf.rules, document.tf.rules);
+}
+
+/// Colours of the squares before the names of segments, from top to bottom.
+fn squares(bench: &Bench) -> Vec<[u8; 3]> {
+    let shapes = bench.harness.output().shapes.iter();
+    let mut squares: Vec<_> = shapes
+        .filter_map(|clipped| match &clipped.shape {
+            Shape::Rect(shape) if shape.rect.size() == vec2(10.0, 10.0) => {
+                let [red, green, blue, opacity] = shape.fill.to_array();
+                (opacity == 255).then_some((shape.rect.top(), [red, green, blue]))
+            }
+            _ => None,
+        })
+        .collect();
+    squares.sort_by(|a, b| a.0.total_cmp(&b.0));
+    squares.into_iter().map(|(_, color)| color).collect()
+}
+
+#[test]
+fn segments_have_their_names_and_colours() {
+    let dir = tempfile::tempdir().unwrap();
+    write_labels(&dir.path().join("parts.nrrd"));
+    let file = std::fs::read(dir.path().join("parts.nrrd")).unwrap();
+    let end = file.windows(2).position(|two| two == b"\n\n").unwrap();
+    let segments = "\nSegment0_Color:=1 0.501961 0\nSegment0_LabelValue:=3\nSegment0_Layer:=0\nSegment0_Name:=liver\n\
+        Segment1_Color:=0 0 1\nSegment1_LabelValue:=1\nSegment1_Layer:=0\nSegment1_Name:=Left lung";
+    let slicer = dir.path().join("parts.seg.nrrd");
+    std::fs::write(&slicer, [&file[..end], segments.as_bytes(), &file[end..]].concat()).unwrap();
+    let dicom = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/files/dicom_segments.dcm");
+    let cases = [
+        ("phantom:thorax:32", &slicer, ["1, Left lung", "3, liver"], [[0, 0, 255], [255, 128, 0]]),
+        // The segmentation is its own image: the grids agree.
+        (dicom.to_str().unwrap(), &dicom, ["1, Left lung", "2, Rib"], [[255, 0, 0], [0, 0, 255]]),
+    ];
+    for (volume, labels, names, colors) in cases {
+        let labels = format!("--labels={}", labels.display());
+        let Some(mut bench) = Bench::open(&[volume, "--shadow=none", &labels]) else { return };
+        bench.click("Shadows");
+        bench.harness.run_steps(2);
+        for name in names {
+            assert!(bench.harness.query_by_label(&format!("label {name}")).is_some(), "{volume}: {name}");
+        }
+        assert_eq!(squares(&bench), colors, "{volume}");
+    }
 }

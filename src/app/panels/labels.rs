@@ -7,6 +7,9 @@ use eframe::egui;
 /// Height of the list of segmentation labels in the side panel, screen points.
 const HEIGHT: f32 = 170.0;
 
+/// Size of the square in the colour of a segment, screen points.
+const SQUARE: egui::Vec2 = egui::Vec2::splat(10.0);
+
 /// Shows the side panel section of the segmentation labels, if the volume has any.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
@@ -41,7 +44,9 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 ui.horizontal(|ui| {
                     if let Some(color) = labels.segment(*id).and_then(|segment| segment.color) {
                         let [red, green, blue] = color.map(|c| (255.0 * c).round() as u8);
-                        ui.colored_label(egui::Color32::from_rgb(red, green, blue), "■");
+                        // The fonts have no square.
+                        let (square, _) = ui.allocate_exact_size(SQUARE, egui::Sense::hover());
+                        ui.painter().rect_filled(square, 0.0, egui::Color32::from_rgb(red, green, blue));
                     }
                     let check = ui.checkbox(&mut shown, format!("{name}{function}"));
                     let accessible = labels.segment(*id).map_or_else(|| id.to_string(), |_| name);
