@@ -60,11 +60,18 @@ async function unpack() {
   return { record, bytes: new Uint8Array(all, 4 + length) };
 }
 
+const NEEDS = "This page needs WebGPU (Chrome or Edge 121, Safari 26, Firefox 141, or later).";
+
+// Throws an error if the browser has no WebGPU, or hides it from this page.
+function checkBrowser() {
+  if (navigator.gpu) return;
+  throw new Error(isSecureContext ? `${NEEDS} This browser has none.`
+    : "Browsers offer WebGPU to https pages, localhost and local files only. Save this page as a file and open the file.");
+}
+
 async function openDevice({ contents }) {
-  const where = "This page needs WebGPU (Chrome or Edge 121, Safari 26, Firefox 141, or later).";
-  if (!navigator.gpu) throw new Error(`${where} This browser has none.`);
   const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
-  if (!adapter) throw new Error(`${where} It finds no graphics adapter here.`);
+  if (!adapter) throw new Error(`${NEEDS} It finds no graphics adapter here.`);
   const requiredFeatures = contents.filters_float32 ? ["float32-filterable"] : [];
   const missing = requiredFeatures.filter((name) => !adapter.features.has(name));
   if (missing.length) throw new Error(`This graphics adapter lacks ${missing}.`);
@@ -751,9 +758,13 @@ function fail({ message }) {
   setStatus(`${message} The page shows stored pictures instead.`);
   failed = true;
   document.body.classList.remove("draws");
+  document.getElementById("status").classList.add("failed");
+  document.querySelectorAll("#methods button").forEach((button) => { button.disabled = true; });
 }
 
 async function start() {
+  // First of all, since a browser without WebGPU may also lack what unpacks the data.
+  checkBrowser();
   const { record, bytes } = await unpack();
   const device = await openDevice(record);
   device.lost.then(({ message }) => fail({ message: `The graphics device was lost: ${message}` }));

@@ -1,4 +1,4 @@
-//! Runs pages in a headless browser with WebGPU, on the software adapter SwiftShader.
+//! Runs pages in a headless browser, with WebGPU on the software adapter SwiftShader or without WebGPU.
 
 use crate::common::Requirement;
 use std::collections::HashMap;
@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 use tiny_http::{Header, Method, Response, Server};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+/// Name of this machine that no browser takes for a secure one.
+const OTHER_HOST: &str = "pages.test";
 /// Longest time between two answers of a page, for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(300);
 
@@ -34,17 +36,37 @@ impl Drop for Running {
     }
 }
 
+/// WebGPU of a page in the browser.
+#[derive(Debug, Clone, Copy)]
+#[allow(dead_code, reason = "not every test program needs all of them")]
+pub enum WebGpu {
+    /// The software adapter SwiftShader.
+    SwiftShader,
+    /// The browser finds no graphics adapter.
+    NoAdapter,
+    /// The page comes by http from another host, and browsers then offer no WebGPU.
+    Insecure,
+}
+
 /// Opens a page, and returns the bodies that its scripts POST, by path without the leading slash. The page ends with a
 /// POST to `/end`. It may GET `files` by their names. `None` and a printed line without a browser.
 ///
 /// # Panics
 /// The page posts to `/error`, or does not answer.
-pub fn answers(page: String, files: &HashMap<String, Vec<u8>>) -> Option<HashMap<String, Vec<u8>>> {
+pub fn answers(
+    page: String,
+    files: &HashMap<String, Vec<u8>>,
+    webgpu: WebGpu,
+) -> Option<HashMap<String, Vec<u8>>> {
     let browser = browser()?;
     let server = Server::http("127.0.0.1:0").unwrap();
     let address = server.server_addr().to_ip().unwrap();
     let profile = tempfile::tempdir().unwrap();
-    let _running = Running(start(&browser, profile.path(), &format!("http://{address}/")));
+    let address = match webgpu {
+        WebGpu::Insecure => format!("http://{OTHER_HOST}:{}/", address.port()),
+        _ => format!("http://{address}/"),
+    };
+    let _running = Running(start(&browser, profile.path(), &address, webgpu));
     let mut answers = HashMap::new();
     let mut last = Instant::now();
     loop {
@@ -80,11 +102,21 @@ fn html() -> Header {
     Header::from_bytes("Content-Type", "text/html; charset=utf-8").unwrap()
 }
 
-fn start(browser: &Path, profile: &Path, address: &str) -> Child {
+fn start(browser: &Path, profile: &Path, address: &str, webgpu: WebGpu) -> Child {
+    let flags: &[&str] = match webgpu {
+        WebGpu::NoAdapter => &["--disable-gpu"],
+        WebGpu::SwiftShader | WebGpu::Insecure => &[
+            "--enable-unsafe-webgpu",
+            "--use-webgpu-adapter=swiftshader",
+            "--enable-features=Vulkan",
+            "--use-vulkan=swiftshader",
+        ],
+    };
     Command::new(browser)
         .args(["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run"])
-        .args(["--disable-background-networking", "--enable-unsafe-webgpu"])
-        .args(["--use-webgpu-adapter=swiftshader", "--enable-features=Vulkan", "--use-vulkan=swiftshader"])
+        .arg("--disable-background-networking")
+        .arg(format!("--host-resolver-rules=MAP {OTHER_HOST} 127.0.0.1"))
+        .args(flags)
         .arg(format!("--user-data-dir={}", profile.display()))
         .arg(address)
         .stdin(Stdio::null())

@@ -1,6 +1,6 @@
 //! The page of `umbravox export` in a browser: its pictures are those of `umbravox render` on the same adapter.
 
-use crate::browser::answers;
+use crate::browser::{WebGpu, answers};
 use crate::common::{Requirement, SIZES, scan};
 use crate::program::refused;
 use std::collections::HashMap;
@@ -80,6 +80,37 @@ const SCRIPT: &str = r#"
   }
 })();"#;
 
+/// Script before those of the page: collects their errors.
+const ERRORS: &str = r#"<script>
+const scriptErrors = [];
+addEventListener("error", ({ message }) => scriptErrors.push(message));
+addEventListener("unhandledrejection", ({ reason }) => scriptErrors.push(String(reason)));
+</script>"#;
+
+/// Script that posts what a page without WebGPU shows.
+const STILLS_SCRIPT: &str = r#"<script>
+(async () => {
+  const post = (path, body) => fetch(path, { method: "POST", body });
+  try {
+    const stops = await umbravox.then(() => "", ({ message }) => message);
+    await new Promise((resolve) => setTimeout(resolve, 0));
+    const status = document.getElementById("status");
+    const pictures = [...document.getElementById("stills").querySelectorAll("img")];
+    await Promise.all(pictures.map((picture) => picture.decode()));
+    const isShown = (element) => element.getClientRects().length > 0;
+    const sizes = pictures.filter(isShown).map(({ alt, naturalWidth, naturalHeight }) => [alt, naturalWidth, naturalHeight]);
+    await post("/shown", sizes.join(";"));
+    await post("/status", status.getBoundingClientRect().bottom < innerHeight ? status.textContent : "");
+    await post("/canvas", String(isShown(document.getElementById("canvas"))));
+    await post("/stops", stops);
+    await post("/errors", scriptErrors.join("; "));
+    await post("/end", "");
+  } catch (error) {
+    await post("/error", `${error.stack}; ${scriptErrors.join("; ")}`);
+  }
+})();
+</script>"#;
+
 /// Runs a command on SwiftShader with the shaders of a page.
 fn on_swiftshader(folder: &Path, args: &[&str]) {
     let output = Command::new(env!("CARGO_BIN_EXE_umbravox"))
@@ -126,7 +157,7 @@ fn check(scene: &[&str], methods: &str) -> Option<usize> {
     let page = page
         .replace("default-src 'none'", "default-src 'none'; connect-src 'self'")
         .replace("</body>", &format!("<script>{SCRIPT}</script></body>"));
-    let answers = answers(page, &HashMap::new())?;
+    let answers = answers(page, &HashMap::new(), WebGpu::SwiftShader)?;
     // Scene with the function that the page edited.
     let mut edited_scene = scene.to_vec();
     if let (Some(function), Some(tf)) =
@@ -225,6 +256,41 @@ fn pages_of_hair_draw_the_pictures_of_the_program() {
 fn pages_without_shadows_draw() {
     check(&["phantom:thorax:24", "--tf", "bone", "--size", "40x40"], "none;rays");
     check(&["phantom:thorax:24", "--tf", "bone", "--size", "40x40", "--ambient", "1"], "rays;none");
+}
+
+#[test]
+fn pages_without_webgpu_show_stored_pictures_and_the_reason() {
+    if !Path::new(SWIFTSHADER).exists() {
+        return Requirement::Browser.missing(&format!("there is no {SWIFTSHADER}"));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scene = ["export", "phantom:thorax:24", "--tf", "bone", "--size", "40x32", "--methods", "rays;none"];
+    on_swiftshader(folder.path(), &[&scene[..], &["-o", "page.html"]].concat());
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    let page = page
+        .replace("default-src 'none'", "default-src 'none'; connect-src 'self'")
+        .replace("</body>", &format!("{STILLS_SCRIPT}</body>"));
+    // Such a browser has neither WebGPU nor the decompression of the data.
+    let old = "<script>delete Navigator.prototype.gpu; delete window.DecompressionStream;</script>";
+    let cases = [
+        (WebGpu::NoAdapter, "", "This page needs WebGPU"),
+        (WebGpu::NoAdapter, old, "This browser has none."),
+        (WebGpu::Insecure, "", "Save this page as a file"),
+    ];
+    for (webgpu, before, reason) in cases {
+        let page = page.replace("<head>", &format!("<head>{ERRORS}{before}"));
+        let Some(answers) = answers(page, &HashMap::new(), webgpu) else { return };
+        let text = |name: &str| String::from_utf8_lossy(&answers[name]).into_owned();
+        let status = text("status");
+        assert!(
+            status.contains(reason) && status.contains("stored pictures"),
+            "{webgpu:?} {before}: {status}"
+        );
+        assert!(!text("stops").is_empty(), "{webgpu:?} {before}");
+        assert_eq!(text("shown"), "rays,40,32;none,40,32", "{webgpu:?} {before}");
+        assert_eq!(text("canvas"), "false", "{webgpu:?} {before}");
+        assert_eq!(text("errors"), "", "{webgpu:?} {before}");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Shaders compile in Tint, the WGSL compiler of Chromium, from the text that a page for browsers holds.
 
-use crate::browser::answers;
+use crate::browser::{WebGpu, answers};
 use crate::shaders::tried;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
@@ -43,7 +43,7 @@ fn shaders_compile_in_tint() {
         let numbered = part.iter().enumerate().map(|(i, text)| (i.to_string(), text.clone().into_bytes()));
         let files: HashMap<String, Vec<u8>> = numbered.collect();
         let page = PAGE.replace("COUNT", &files.len().to_string());
-        let Some(said) = answers(page, &files) else { return };
+        let Some(said) = answers(page, &files, WebGpu::SwiftShader) else { return };
         let said = said.values().map(|text| String::from_utf8_lossy(text)).collect::<Vec<_>>();
         assert!(said.is_empty(), "{} of {} shaders fail:\n{}", said.len(), files.len(), said.join("\n"));
     }
@@ -52,6 +52,6 @@ fn shaders_compile_in_tint() {
 #[test]
 fn a_faulty_shader_is_found() {
     let files = HashMap::from([("0".to_owned(), b"fn broken() -> u32 { return 1.5; }".to_vec())]);
-    let Some(said) = answers(PAGE.replace("COUNT", "1"), &files) else { return };
+    let Some(said) = answers(PAGE.replace("COUNT", "1"), &files, WebGpu::SwiftShader) else { return };
     assert!(String::from_utf8_lossy(&said["0"]).contains("error in line 1"));
 }
