@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::formats::{Head, dicom};
 use crate::open::units::{Meaning, Units, ValueKind};
-use crate::open::{ReadFlags, VolumeSpec, is_strand_source, load, load_any_strands};
+use crate::open::{ReadFlags, VolumeSpec, is_strand_source, likely_labels, load, load_any_strands};
 use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume};
 use bytesize::ByteSize;
 use clap::Args;
@@ -56,6 +56,8 @@ pub struct Info {
     pub units_why: String,
     /// Whether the units of the voxel values were guessed from the values alone.
     pub units_guessed: bool,
+    /// Reason why the volume is probably a segmentation, such as named segments; `None` for an image.
+    pub labels_why: Option<String>,
     pub stored_range: [f64; 2],
     pub scaling: Scaling,
     /// Whether the scaling from stored to physical voxel values differs from the identity.
@@ -89,6 +91,7 @@ impl Info {
             units: meaning.kind,
             units_why: meaning.why,
             units_guessed: meaning.is_guess,
+            labels_why: likely_labels(volume),
             stored_range: volume.stored_range(),
             scaling: volume.scaling(),
             scaled: volume.scaling() != Scaling::IDENTITY,
@@ -130,6 +133,9 @@ impl Info {
         line("values", format!("{low} to {high}"));
         let guessed = if self.units_guessed { "; guessed from the values, --units decides" } else { "" };
         line("taken as", format!("{} ({}{guessed})", self.units.name(), self.units_why));
+        if let Some(why) = &self.labels_why {
+            line("labels", format!("probably a segmentation ({why}); --labels gives an image its labels"));
+        }
         let Scaling { slope, intercept } = self.scaling;
         line("scaling", format!("stored x {} + {}", number(slope), number(intercept)));
         line("non-finite", format!("{} voxels", self.provenance.non_finite));

@@ -3,7 +3,7 @@
 
 use super::masking::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
-use super::{Diagnostic, Read, SceneSettings, user_presets};
+use super::{Diagnostic, Read, SceneSettings, likely_labels, user_presets};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::formats::frame_choice;
@@ -127,7 +127,8 @@ impl SceneSettings {
             Some(named) => (named, None),
             None => {
                 let (name, why) = presets::default_as(&volume, self.units);
-                ((name.to_owned(), presets::find(name)?), why)
+                // Units of labels have no meaning, so that their note would only distract.
+                ((name.to_owned(), presets::find(name)?), labels_note(&volume, name).or(why))
             }
         };
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
@@ -183,4 +184,12 @@ impl SceneSettings {
             None => Some(format!("{} is built in: it has no SHA-256 to compare", spec.source)),
         })
     }
+}
+
+/// Returns a note if a volume without labels is probably a segmentation. `preset` is its transfer function by default.
+fn labels_note(volume: &Volume, preset: &str) -> Option<String> {
+    let why = volume.labels().is_none().then(|| likely_labels(volume)).flatten()?;
+    Some(format!(
+        "this is probably a segmentation ({why}): preset `{preset}` draws it as an image, --labels gives an image its labels"
+    ))
 }

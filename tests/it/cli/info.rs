@@ -1,5 +1,6 @@
 //! `umbravox info` on several inputs, DICOM folders and tracks.
 
+use crate::common::scan;
 use crate::program::{refused, umbravox};
 use serde_json::Value;
 use std::path::Path;
@@ -53,6 +54,33 @@ fn a_dicom_segmentation_has_the_names_of_its_segments() {
     let text = info(&[&fixture("formats/files/dicom_segments.dcm")]);
     assert!(text.contains("5 x 4 x 4 voxels") && text.contains("0 to 2"), "{text}");
     assert!(text.contains("segments     1 Left lung\n             2 Rib\n"), "{text}");
+}
+
+/// Notes of `umbravox probe` on a volume with its default transfer function.
+fn notes(volume: &str) -> String {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("rays.txt"), "-500 1 2 500 2 1\n").unwrap();
+    let output = umbravox(dir.path(), &["probe", volume, "--rays", "rays.txt"]);
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn a_segmentation_that_is_opened_as_an_image_is_recognised() {
+    let file = fixture("formats/files/dicom_segments.dcm");
+    let text = info(&[&file]);
+    assert!(text.contains("labels       probably a segmentation (the file names segments: 2)"), "{text}");
+    let note = notes(&file);
+    assert!(note.contains("note: this is probably a segmentation") && note.contains("--labels"), "{note}");
+    assert!(!notes("phantom:thorax:16").contains("segmentation"));
+    let names =
+        ["thorax", "slab", "sphere", "shell", "step", "comb", "cloud", "smoke", "foam", "struts", "sheets"];
+    let phantoms = names.map(|name| format!("phantom:{name}:32"));
+    let scans = ["CT_AVM", "CT_pitch", "engine", "fuel"].into_iter().filter_map(scan);
+    let images = phantoms.into_iter().chain(scans.map(|path| path.to_str().unwrap().to_owned()));
+    for image in images {
+        let json: Value = serde_json::from_str(&info(&[&image, "--json"])).unwrap();
+        assert!(json["labels_why"].is_null(), "{image}: {json}");
+    }
 }
 
 #[test]
