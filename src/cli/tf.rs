@@ -120,6 +120,8 @@ struct Listed {
     units: String,
     about: String,
     points: usize,
+    /// Whether a gradient opacity multiplies the extinction.
+    gradient_opacity: bool,
     reference_length_mm: f64,
     /// File of a preset of the user.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -128,9 +130,17 @@ struct Listed {
 
 impl Listed {
     fn of_user(name: String, path: &Path, tf: TransferFunction) -> Self {
-        let TransferFunction { reference_length_mm, points, units, name: about, .. } = tf;
-        let file = Some(path.display().to_string());
-        Self { name, units, about, points: points.len(), reference_length_mm, file }
+        let TransferFunction { reference_length_mm, points, units, name: about, gradient_opacity, .. } = tf;
+        let (file, points) = (Some(path.display().to_string()), points.len());
+        Self {
+            name,
+            units,
+            about,
+            points,
+            gradient_opacity: gradient_opacity.is_some(),
+            reference_length_mm,
+            file,
+        }
     }
 }
 
@@ -143,6 +153,7 @@ struct Converted<'a> {
     name: &'a str,
     units: &'a str,
     points: usize,
+    gradient_opacity: bool,
     warnings: &'a [String],
 }
 
@@ -178,9 +189,10 @@ fn list(json: bool) -> Result<()> {
             Scale::Fraction => formats::FRACTION,
             Scale::Extinction => "1/mm",
         };
-        let TransferFunction { reference_length_mm, points, .. } = tf;
+        let TransferFunction { reference_length_mm, points, gradient_opacity, .. } = tf;
         let (name, units, about) = (preset.name.into(), units.into(), preset.about.into());
-        Listed { name, units, about, points: points.len(), reference_length_mm, file: None }
+        let (points, gradient_opacity) = (points.len(), gradient_opacity.is_some());
+        Listed { name, units, about, points, gradient_opacity, reference_length_mm, file: None }
     });
     let mut listed: Vec<Listed> = built_in.collect();
     for UserPreset { name, path } in user_presets() {
@@ -192,7 +204,10 @@ fn list(json: bool) -> Result<()> {
     if json {
         return print_json(&listed);
     }
-    let lines = listed.iter().map(|p| format!("{:<12} {:<9} {}\n", p.name, p.units, p.about));
+    let lines = listed.iter().map(|p| {
+        let gradient = if p.gradient_opacity { "; with gradient opacity" } else { "" };
+        format!("{:<12} {:<9} {}{gradient}\n", p.name, p.units, p.about)
+    });
     print_result(&lines.collect::<String>())
 }
 
@@ -242,6 +257,7 @@ fn write(carried: Imported, to: &Target) -> Result<()> {
         name: &tf.name,
         units: &tf.units,
         points: tf.points.len(),
+        gradient_opacity: tf.gradient_opacity.is_some(),
         warnings: &warnings,
     })
 }

@@ -301,14 +301,20 @@ fn presets_of_the_user_are_found_by_name() {
     let presets = dir.path().join("config/umbravox/presets");
     fs::create_dir_all(&presets).unwrap();
     fs::write(presets.join("mine.vp"), VP).unwrap();
+    fs::write(presets.join("edges.vp"), VP.replace("4 0 1 255 1", "4 0 0.25 255 1")).unwrap();
     // A built-in preset keeps its name.
     fs::write(presets.join("bone.vp"), VP).unwrap();
     fs::write(presets.join("broken.json"), "{").unwrap();
     let (ok, listed, warning) = with_input(dir.path(), "", &["tf", "list", "--json"]);
     assert!(ok && warning.contains("broken.json"), "{warning}");
     let listed: Vec<serde_json::Value> = serde_json::from_str(&listed).unwrap();
-    assert_eq!((listed.len(), &listed[PRESETS.len()]["name"]), (PRESETS.len() + 1, &"mine".into()));
-    assert!(listed[PRESETS.len()]["file"].as_str().unwrap().ends_with("presets/mine.vp"));
+    let named: Vec<_> =
+        listed[PRESETS.len()..].iter().map(|p| (&p["name"], &p["gradient_opacity"])).collect();
+    assert_eq!(named, [(&"edges".into(), &true.into()), (&"mine".into(), &false.into())]);
+    assert!(listed[PRESETS.len() + 1]["file"].as_str().unwrap().ends_with("presets/mine.vp"));
+    let (_, text, _) = with_input(dir.path(), "", &["tf", "list"]);
+    let marked = text.lines().filter(|line| line.ends_with("; with gradient opacity"));
+    assert!(marked.map(|line| line.split(' ').next().unwrap()).eq(["edges"]), "{text}");
     let (ok, exported, _) = with_input(dir.path(), "", &["tf", "export", "mine", "-o", "-"]);
     let (converted_ok, converted, _) = with_input(dir.path(), VP, &["tf", "convert", "-", "-o", "-"]);
     assert!(ok && converted_ok);
