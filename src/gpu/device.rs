@@ -247,20 +247,32 @@ fn choose(name: Option<&str>) -> Result<wgpu::Adapter> {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..Default::default()
         }))
-        .map_err(|_| {
-            Error::runtime("no graphics adapter", "Vulkan, Metal or DirectX 12", "none was found")
-                .hint(NO_ADAPTER_HINT)
-        });
+        .map_err(|_| no_adapter());
     };
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let names = adapters.iter().map(|a| a.get_info().name).collect::<Vec<_>>();
+    if names.is_empty() {
+        return Err(no_adapter());
+    }
     let wanted = name.to_lowercase();
     adapters.into_iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted)).ok_or_else(|| {
-        let e = Error::input("no such graphics adapter", format!("--adapter {name}"), "no name contains it");
-        e.hint(if names.is_empty() {
-            NO_ADAPTER_HINT.into()
-        } else {
-            format!("there is: {}", names.join(", "))
-        })
+        Error::input("no such graphics adapter", format!("--adapter {name}"), "no name contains it")
+            .hint(format!("there is: {}", names.join(", ")))
     })
+}
+
+/// Environment variables that replace the system's Vulkan drivers. The loader prefers the first.
+const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
+/// Returns the error for a system without a graphics adapter. It names the variable that replaces the system's drivers.
+fn no_adapter() -> Error {
+    let value = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(|value| (name, value));
+    let error = |why: &str| Error::runtime("no graphics adapter", "Vulkan, Metal or DirectX 12", why);
+    let Some((name, value)) = DRIVER_VARIABLES.into_iter().find_map(value) else {
+        return error("none was found").hint(NO_ADAPTER_HINT);
+    };
+    let missing = std::env::split_paths(&value).find(|file| !file.exists());
+    let missing = missing.map_or(String::new(), |file| format!(", and {} does not exist", file.display()));
+    error(&format!("none was found by the drivers that {name} names{missing}"))
+        .hint(format!("unset {name} to use the system's drivers, or let it name the .json file of a driver"))
 }

@@ -7,6 +7,7 @@ mod common;
 mod comparison;
 mod cube;
 mod difference;
+mod drivers;
 mod files;
 mod gradient;
 mod layout;
