@@ -26,6 +26,9 @@ pub struct Answer {
     pub build_ms: Option<f64>,
     /// Time to draw one picture with the shadow map, ms; the whole time of an external program.
     pub frame_ms: Option<f64>,
+    /// `build_ms + frame_ms` divided by the time of a frame without shadows; only for budgets in frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<f64>,
     /// Root mean square error of transmittance at the visible points of the cell, weighted by visibility.
     pub point_err_rms: Option<f64>,
     /// Lower end of the 95 % interval of `point_err_rms`.

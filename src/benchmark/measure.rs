@@ -14,7 +14,7 @@ use crate::measure::job::{Effort, Job};
 use crate::measure::small_scene::small_scene;
 use crate::measure::stats::{image_error, rms_difference_interval};
 use crate::measure::table::Row;
-use crate::measure::timing::Timing;
+use crate::measure::trial_times::{set_times, set_trial_times};
 use crate::render::Session;
 use crate::scene::Scene;
 use crate::shadow::{BuildReport, Entry, Method, ShadowMap};
@@ -28,7 +28,7 @@ use std::sync::Arc;
 const FULL_TRIALS: usize = 6;
 const NEARBY_TRIALS: usize = 1;
 /// Number of timed runs of the settings found within a budget of time.
-const TIMED_RUNS: usize = 3;
+const TIMED_RUNS: usize = 5;
 
 /// Cell of the benchmark that is being measured.
 pub struct CellJob<'a> {
@@ -157,7 +157,7 @@ impl<'a> CellJob<'a> {
         let source = self.job.scene.lights.first().cloned().unwrap_or_default();
         let Some(settings) = Settings::of(entry, &source) else { return Ok(found) };
         for of_time in [false, true] {
-            let is_own = |budget: &&Budget| matches!(budget, Budget::Ms(_)) == of_time;
+            let is_own = |budget: &&Budget| budget.is_of_time() == of_time;
             let own: Vec<Budget> = budgets.iter().filter(is_own).copied().collect();
             let known = first.map_or(&[][..], |first| &first.answers).iter();
             let is_known =
@@ -231,11 +231,7 @@ impl<'a> CellJob<'a> {
         let scene = self.scene_with(samples);
         let shadows = self.build(method, &scene)?;
         let mut trial = Row { bytes: Some(BuildReport::of_all(&shadows).bytes), ..Row::default() };
-        if budgets.iter().any(|budget| matches!(budget, Budget::Ms(_))) {
-            self.job.keep_busy()?;
-            let timing = Timing::of(&[self.job.timed_in(method, &scene)?])?;
-            [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
-        }
+        set_trial_times(&self.job, (method, &scene), budgets, &mut trial)?;
         if budgets.iter().any(|budget| budget.holds(&trial)) {
             trial.point_err_rms = self.visible.errors(self.job.session, &shadows)?.map(|stats| stats.rms);
         }
@@ -255,17 +251,12 @@ impl<'a> CellJob<'a> {
         let shadows = self.build(method, &scene)?;
         (answer.settings, answer.light_samples) = (method.spec().to_string(), samples);
         answer.bytes = Some(BuildReport::of_all(&shadows).bytes);
-        if matches!(budget, Some(Budget::Ms(_))) {
-            let mut times = Vec::new();
-            for _ in 0..TIMED_RUNS {
-                self.job.keep_busy()?;
-                times.push(self.job.timed_in(method, &scene)?);
-            }
-            let timing = Timing::of(&times)?;
-            [answer.build_ms, answer.frame_ms] = [timing.build_ms, timing.frame_ms].map(|ms| Some(ms.median));
-            let needed_ms = timing.build_ms.median + timing.frame_ms.median;
-            if let Some(budget) = budget.filter(|budget| needed_ms > budget.amount()) {
-                answer.note = format!("takes {needed_ms:.1} ms when measured again, more than {budget}");
+        if let Some(budget) = budget.filter(Budget::is_of_time) {
+            let mut row = Row::default();
+            set_times(&self.job, (method, &scene), &[budget], TIMED_RUNS, &mut row)?;
+            [answer.build_ms, answer.frame_ms, answer.frames] = [row.build_ms, row.frame_ms, row.frames];
+            if let Some(need) = budget.need(&row).filter(|need| *need > budget.amount()) {
+                answer.note = format!("takes {need:.2} when measured again, more than {budget}");
             }
         }
         let errors = self.visible.weighted(self.job.session, &shadows)?;

@@ -36,7 +36,8 @@ pub struct BenchmarkArgs {
     /// Names of shadow methods to measure, separated by commas [default: all with settings to search]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub methods: Vec<String>,
-    /// Budgets of memory (bytes=512KiB,2MiB) or of build plus frame time (ms=50); may be given several times
+    /// Budgets of memory (bytes=512KiB,2MiB) or of build plus frame time (ms=50; frames=3: in frames without shadows); may
+    /// be given several times
     #[arg(long, value_name = "BUDGET", default_value = "bytes=512KiB,2MiB")]
     pub budget: Vec<String>,
     /// Measure the methods in FOLDER, an earlier result, with the settings found there, without a search
@@ -189,14 +190,11 @@ fn methods(names: &[String]) -> Result<Vec<&'static Entry>> {
     Ok(tunable.iter().copied().filter(|entry| is_named(entry)).collect())
 }
 
-/// Parses the budgets, and sorts them by kind and amount: searches within smaller budgets start those within larger ones.
+/// Parses the budgets, and sorts them by kind and amount.
 fn budgets(texts: &[String]) -> Result<Vec<Budget>> {
     let parse = |text: &String| Budget::parse_list(text).map_err(|e| e.at("--budget"));
     let all = texts.iter().map(parse).collect::<Result<Vec<_>>>()?.concat();
-    let key = |budget: &Budget| (matches!(budget, Budget::Ms(_)), budget.amount());
-    let sorted =
-        all.into_iter().sorted_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
-    Ok(sorted.dedup().collect())
+    Ok(all.into_iter().sorted_by(Budget::order).dedup().collect())
 }
 
 /// Whether a shard measures a cell. All cells of one volume and transfer function belong to one shard.

@@ -46,7 +46,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
     /// Also find, for each method of --methods, the settings with the smallest errors within a budget of memory
-    /// (bytes=2MiB,8MiB) or of build plus frame time (ms=50), and add them as table rows; may be given several times
+    /// (bytes=2MiB,8MiB) or of build plus frame time (ms=50; frames=3: in frames without shadows), and add them as rows;
+    /// may be given several times
     #[arg(long, value_name = "BUDGET")]
     pub budget: Vec<String>,
     /// Also measure times and memory with each optimization (such as skipping empty space) turned off
@@ -146,6 +147,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let methods = parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?;
     let layout = args.layout.layout()?;
     let budgets = distinct_budgets(&args.budget)?;
+    Budget::check_methods(&budgets, &methods)?;
     check_output_dir(&args.output)?;
     let repeated = match args.repeats {
         Some(repeats) => Effort { repeats: repeats as usize, short_repeats: 0, ..Effort::default() },

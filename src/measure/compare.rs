@@ -15,9 +15,10 @@ use super::pareto::mark_pareto;
 use super::progress::{Progress, Step, StepKind};
 use super::reference::Shared;
 use super::rounds::{TimedRow, time};
+use super::table::Row;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::shadow::Method;
+use crate::shadow::{Method, NoShadows};
 use ndarray::Axis;
 use std::collections::HashMap;
 
@@ -68,6 +69,7 @@ pub fn compare_within(
     if methods.is_empty() {
         return Err(Error::input("nothing to compare", "--methods", "no method is given"));
     }
+    Budget::check_methods(budgets, methods)?;
     let mut result = Comparison::default();
     let facts = Facts::of(job.session.renderer.gpu());
     let field = ExactField::new(job.volume, job.tf).with_directions(job.directions()?);
@@ -106,6 +108,11 @@ pub fn compare_within(
     progress.end();
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();
+    let of_none = |row: &&Row| row.method == NoShadows.name() && !row.has_failed();
+    let none = result.compared.iter().map(|c| &c.row).find(of_none);
+    if let Some(frame_ms) = none.and_then(|row| row.frame_ms) {
+        result.compared.iter_mut().for_each(|compared| compared.row.set_frames(frame_ms));
+    }
     if !budgets.is_empty() {
         result.compared.iter_mut().zip(&uses).for_each(|(c, uses)| say_tuned(c, uses));
     }

@@ -66,3 +66,4 @@ mod strand_errors;
 pub mod table;
 pub mod test_depths;
 pub mod timing;
+pub mod trial_times;

@@ -21,7 +21,7 @@ use super::small_scene::small_scene;
 use super::stats::{Spread, image_error};
 use super::strand_errors::StrandReference;
 use super::table::Row;
-use super::timing::Timing;
+use super::trial_times::set_trial_times;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::field::DeviceTransfer;
@@ -37,9 +37,6 @@ const EXACT_PIXELS_CHECKED: usize = 64;
 /// Tolerance in depth for placing test depths around jumps of transmittance, for methods without an error bound, in
 /// units of the smallest voxel spacing.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Number of timed runs in a trial of method settings. The slower run counts, to keep chosen settings within the time
-/// budget when they are timed again.
-const TRIAL_RUNS: usize = 2;
 /// Number of timed repetitions of two tasks: classifying the volume's bricks and computing the transfer function's
 /// tables.
 const TRANSFER_REPEATS: usize = 3;
@@ -321,21 +318,7 @@ impl<'a> Reference<'a> {
         let shadows = job.session.shadows_of(method, job.scene)?;
         trial.bytes = Some(BuildReport::of_all(&shadows).bytes);
         let drawn = job.session.render(&shadows, &self.exact_picture.scene)?;
-        let largest_ms =
-            budgets.iter().filter(|b| matches!(b, Budget::Ms(_))).map(Budget::amount).reduce(f64::max);
-        if let Some(largest_ms) = largest_ms {
-            let mut times = Vec::new();
-            while times.len() < TRIAL_RUNS {
-                job.keep_busy()?;
-                times.push(job.timed(method)?);
-                let timing = Timing::of(&times)?;
-                [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.max));
-                // Another run cannot bring the time within the budget.
-                if timing.build_ms.min + timing.frame_ms.min > 2.0 * largest_ms {
-                    break;
-                }
-            }
-        }
+        set_trial_times(job, (method, job.scene), budgets, trial)?;
         if budgets.iter().any(|b| b.holds(trial)) {
             trial.point_err_rms = self.visible.errors(job.session, &shadows)?.map(|stats| stats.rms);
             trial.image_rmse = Some(image_error(drawn.pixels.view(), self.exact_picture.pixels.view())?.rmse);

@@ -39,6 +39,11 @@ impl Row {
         self.efficiency = variance.map(|variance| 1000.0 / (variance * frame.median));
     }
 
+    /// Sets the column `frames` from the time of a frame without shadows, ms.
+    pub fn set_frames(&mut self, frame_ms_of_none: f64) {
+        self.frames = self.moving_ms().map(|ms| ms / frame_ms_of_none);
+    }
+
     /// Adds a note if device times of repeated runs did not agree.
     pub fn note_unsteady(&mut self, timing: &Timing) {
         if timing.unsteady > 0 {

@@ -85,6 +85,7 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
                 format!("{} MiB", significant(mib, 3))
             }
             Budget::Ms(_) => format!("{} ms", significant(row.moving_ms().unwrap_or(f64::NAN), 3)),
+            Budget::Frames(_) => format!("{} frames", significant(row.frames.unwrap_or(f64::NAN), 3)),
         };
         let of =
             |(row, error): (&Row, f64)| format!("{} ({}, {})", name(row), significant(error, 3), need(row));

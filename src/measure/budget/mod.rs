@@ -2,7 +2,8 @@
 //! time.
 //!
 //! A budget `bytes` limits the table column `bytes`. A budget `ms` limits `build_ms + frame_ms`, the time of a
-//! picture after the light has moved. For each budget, two errors are minimized in turn: `point_err_rms` and
+//! picture after the light has moved, and a budget `frames` the column `frames`, the same time in frames without
+//! shadows. For each budget, two errors are minimized in turn: `point_err_rms` and
 //! `image_rmse` ([`By`]). [`search`] shares the trials of a method among all budgets and both errors. A trial is a
 //! table row with few columns; [`tune`](mod@tune) measures it on a device.
 
@@ -11,8 +12,10 @@ pub(super) mod tune;
 
 use super::table::Row;
 use crate::error::{Error, Result};
+use crate::shadow::{Method, NoShadows};
 use bytesize::ByteSize;
 use itertools::Itertools as _;
+use std::cmp::Ordering;
 use std::fmt;
 use std::str::FromStr;
 
@@ -25,6 +28,8 @@ pub enum Budget {
     Bytes(u64),
     /// Upper limit on `build_ms + frame_ms`, the time of one picture after the light has moved, ms.
     Ms(f64),
+    /// Upper limit on the same time, in frames of the picture without shadows.
+    Frames(f64),
 }
 
 /// Formats a memory or time budget in the syntax of the option `--budget`.
@@ -38,6 +43,7 @@ impl fmt::Display for Budget {
                 write!(f, "bytes={}{unit}", n >> shift)
             }
             Self::Ms(ms) => write!(f, "ms={ms}"),
+            Self::Frames(frames) => write!(f, "frames={frames}"),
         }
     }
 }
@@ -55,7 +61,7 @@ impl FromStr for Budget {
 }
 
 impl Budget {
-    /// Parses memory and time budgets such as `bytes=2MiB,8MiB` and `ms=50`. A value without a key belongs to the key
+    /// Parses memory and time budgets such as `bytes=2MiB,8MiB`, `ms=50` and `frames=3`. A value without a key belongs to the key
     /// before it.
     ///
     /// # Errors
@@ -75,7 +81,12 @@ impl Budget {
             let budget = match key {
                 Some("bytes") => value.parse().ok().map(|ByteSize(n)| n).filter(|n| *n > 0).map(Self::Bytes),
                 Some("ms") => positive(value).map(Self::Ms),
-                _ => return refuse("expected bytes=SIZE[,SIZE...] or ms=NUMBER[,NUMBER...]"),
+                Some("frames") => positive(value).map(Self::Frames),
+                _ => {
+                    return refuse(
+                        "expected bytes=SIZE[,SIZE...], ms=NUMBER[,NUMBER...] or frames=NUMBER[,...]",
+                    );
+                }
             };
             let Some(budget) = budget else {
                 return refuse(
@@ -89,12 +100,26 @@ impl Budget {
         Ok(budgets)
     }
 
-    /// Returns the measured memory (bytes) or time (ms) of a comparison table row, whichever this budget limits; `None`
-    /// where not measured. A method that stores nothing has no memory to limit.
+    /// Checks that the methods to compare contain `none` where a budget is in frames without shadows.
+    ///
+    /// # Errors
+    /// They do not.
+    pub fn check_methods(budgets: &[Self], methods: &[Box<dyn Method>]) -> Result<()> {
+        let in_frames = budgets.iter().any(|budget| matches!(budget, Self::Frames(_)));
+        if in_frames && methods.iter().all(|method| method.name() != NoShadows.name()) {
+            let why = "a budget in frames without shadows needs the method none";
+            return Err(Error::input("cannot tune", "--methods", why));
+        }
+        Ok(())
+    }
+
+    /// Returns the measured memory (bytes) or time (ms or frames) of a comparison table row, whichever this budget
+    /// limits; `None` where not measured. A method that stores nothing has no memory to limit.
     pub fn need(&self, row: &Row) -> Option<f64> {
         match self {
             Self::Bytes(_) => row.bytes.filter(|n| *n > 0).map(|n| n as f64),
             Self::Ms(_) => row.moving_ms(),
+            Self::Frames(_) => row.frames,
         }
     }
 
@@ -103,12 +128,27 @@ impl Budget {
         matches!(self, Self::Bytes(_)) && row.bytes == Some(0)
     }
 
-    /// Largest memory in bytes, or time in milliseconds, that the budget allows.
+    /// Largest memory in bytes, or time in milliseconds or frames, that the budget allows.
     pub fn amount(&self) -> f64 {
         match *self {
             Self::Bytes(n) => n as f64,
-            Self::Ms(ms) => ms,
+            Self::Ms(n) | Self::Frames(n) => n,
         }
+    }
+
+    /// Whether the budget limits time.
+    pub fn is_of_time(&self) -> bool {
+        !matches!(self, Self::Bytes(_))
+    }
+
+    /// Orders budgets by kind, then by amount: searches within smaller budgets start those within larger ones.
+    pub fn order(&self, other: &Self) -> Ordering {
+        let kind = |budget: &Self| match budget {
+            Self::Bytes(_) => 0,
+            Self::Ms(_) => 1,
+            Self::Frames(_) => 2,
+        };
+        kind(self).cmp(&kind(other)).then(self.amount().total_cmp(&other.amount()))
     }
 
     /// Whether the measured memory or time in a comparison table row is known to lie within the budget.
@@ -197,6 +237,9 @@ mod tests {
             assert_eq!(budget.to_string().parse::<Budget>().unwrap(), budget);
         }
         assert_eq!(Budget::parse_list("ms=5,5.0,ms=5").unwrap(), [Budget::Ms(5.0)]);
+        let mixed = Budget::parse_list("frames=3,ms=9,frames=1.5,bytes=1MiB").unwrap();
+        let sorted = mixed.iter().sorted_by(|a, b| a.order(b)).map(Budget::to_string);
+        assert!(sorted.eq(["bytes=1MiB", "ms=9", "frames=1.5", "frames=3"]));
     }
 
     #[test]
@@ -217,6 +260,7 @@ mod tests {
             "bytes=1e30GiB",
             "ms",
             "ms=50;bytes=2MiB",
+            "frames=0",
         ] {
             let e = Budget::parse_list(text).expect_err(text);
             assert!(e.exit_status() == 2 && e.what == WHAT, "{text}: {e}");
@@ -237,5 +281,7 @@ mod tests {
                 && !Budget::Ms(4.9).holds(&row)
                 && !Budget::Ms(9.0).holds(&Row::default())
         );
+        let row = Row { frames: Some(2.5), ..row };
+        assert!(Budget::Frames(2.5).holds(&row) && !Budget::Frames(2.4).holds(&row));
     }
 }

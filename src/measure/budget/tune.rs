@@ -119,8 +119,7 @@ fn one_method(
     let mut search = Search::new(sides, |place| space.canonical(place), attempt);
     let default = space.default_place();
     let mut order = budgets.to_vec();
-    let key = |budget: &Budget| (matches!(budget, Budget::Ms(_)), budget.amount());
-    order.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
+    order.sort_by(Budget::order);
     let questions: Uses = order.iter().flat_map(|budget| By::ALL.map(|by| (*budget, by))).collect();
     for (budget, by) in &questions {
         if !search.look(*budget, *by, &default)? {
@@ -161,6 +160,7 @@ fn nothing_held(entry: &Entry, budget: Budget, tried: &[(Place, Row)]) -> String
     let least = match (least, budget) {
         (Some(n), Budget::Bytes(_)) => format!("; the least that was tried takes {n} bytes"),
         (Some(ms), Budget::Ms(_)) => format!("; the least that was tried takes {ms:.3} ms"),
+        (Some(n), Budget::Frames(_)) => format!("; the least that was tried takes {n:.2} frames"),
         (None, _) => String::new(),
     };
     format!("{}: no settings within {budget}{least}", entry.name)

@@ -162,7 +162,7 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
     std::fs::write(folder.join("tf.json"), TF).unwrap();
-    let budgets = ["--budget=bytes=64KiB,256KiB", "--budget", "ms=400"];
+    let budgets = ["--budget=bytes=64KiB,256KiB", "--budget", "ms=400,frames=400"];
     let output = command(folder, &budgets);
     let (stdout, stderr) =
         (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
@@ -172,6 +172,7 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
         "{stdout}"
     );
     assert!(stdout.contains("- ms=400, image rmse: "), "{stdout}");
+    assert!(stdout.contains("- frames=400, image rmse: "), "{stdout}");
     let out = folder.join("out");
     let rows = read_csv(&out.join("compare.csv"));
     for (budget, most) in [("bytes=64KiB", 64 << 10), ("bytes=256KiB", 256 << 10)] {
@@ -186,13 +187,22 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
         }
     }
     assert!(rows.iter().all(|r| !r["tuned"].is_empty() && r["status"] == "ok"));
+    let number = |row: &HashMap<String, String>, column: &str| row[column].parse::<f64>().ok();
+    let none_ms = number(rows.iter().find(|r| r["method"] == "none").unwrap(), "frame_ms").unwrap();
+    for row in &rows {
+        let [build_ms, frame_ms, frames] = ["build_ms", "frame_ms", "frames"].map(|c| number(row, c));
+        assert!(
+            (frames.unwrap() * none_ms / (build_ms.unwrap() + frame_ms.unwrap()) - 1.0).abs() < 1e-3,
+            "{row:?}"
+        );
+    }
     let trials = read_any(&out.join("trials.csv"));
     let mut settings: Vec<_> = trials.iter().map(|t| (&t["params"], &t["map"])).collect();
     settings.sort_unstable();
     settings.dedup();
     assert!(trials.len() > 10 && settings.len() == trials.len(), "each setting once");
     // No other trial within the budget has a smaller error than the chosen one.
-    let number = |row: &HashMap<String, String>, column: &str| row[column].parse::<f64>().ok();
+    assert!(trials.iter().all(|t| number(t, "frames").is_some_and(|frames| frames > 0.0)));
     for (budget, most) in [("bytes=64KiB", 65536.0), ("bytes=256KiB", 262_144.0)] {
         for by in ["point_err_rms", "image_rmse"] {
             let chosen = trials.iter().find(|t| t["tuned_for"].contains(&format!("{budget} {by}"))).unwrap();
@@ -292,5 +302,10 @@ fn bad_budgets_are_refused_in_one_line() {
         assert_eq!(output.status.code(), Some(2), "{bad}: {stderr}");
         assert!(stderr.starts_with("error: bad budget (--budget") && stderr.lines().count() == 1, "{stderr}");
     }
+    let without =
+        ["compare", "phantom:sphere:16", "--tf=tf.json", "--methods=osm:map=64", "--budget=frames=3"];
+    let output = umbravox(dir.path(), &[&without[..], &["-o", "out"]].concat());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && stderr.contains("needs the method none"), "{stderr}");
     assert!(!dir.path().join("out").exists());
 }
