@@ -1,7 +1,7 @@
 //! Window of the gradient opacity: points over the joint histogram, their effect on the picture, and the scene file.
 
 use super::Bench;
-use eframe::egui::{Modifiers, vec2};
+use eframe::egui::{Key, Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::files::loading::Loading;
 use umbravox::open::SceneRequest;
@@ -36,6 +36,21 @@ fn points_change_the_picture_and_are_undone_as_one_drag() {
     assert_eq!(opacity(&mut bench), boundaries);
     bench.settle();
     assert!(bench.pixels() == clear);
+
+    // The Delete key removes the point that was clicked last, in this editor or in that of the transfer function.
+    let points = |bench: &mut Bench| bench.app().model.document.as_ref().unwrap().tf.points.len();
+    let before = points(&mut bench);
+    bench.click("point 2");
+    bench.click("gradient point 2");
+    bench.harness.key_press(Key::Delete);
+    bench.settle();
+    assert_eq!((points(&mut bench), &*opacity(&mut bench)), (before, "0:0"));
+    bench.click("gradient point 1");
+    bench.click("point 2");
+    bench.harness.key_press(Key::Delete);
+    bench.settle();
+    assert_eq!((points(&mut bench), &*opacity(&mut bench)), (before - 1, "0:0"));
+    bench.app().model.undo();
 
     bench.click("None");
     bench.settle();

@@ -49,6 +49,11 @@ impl Gradient {
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(document) = model.document.as_ref().filter(|_| self.open) else { return };
         self.count(&document.volume, &model.wake);
+        // Of both editors, only the point that was clicked last is selected.
+        if document.selected.is_some() {
+            self.selected = None;
+        }
+        let selected = self.selected;
         let (units, opacity) = (document.tf.units.clone(), per_mm(document));
         let (mut open, mut edits) = (true, Vec::new());
         let most = context.content_rect().size() - vec2(40.0, 70.0);
@@ -64,6 +69,15 @@ impl Gradient {
                 self.plot(ui, (&units, opacity.as_ref()), &mut edits);
             });
         self.open = open;
+        if let (Some(_), Some(document)) =
+            (self.selected.filter(|_| self.selected != selected), &mut model.document)
+        {
+            document.selected = None;
+        }
+        let is_deleted = !context.text_edit_focused() && context.input(|i| i.key_pressed(egui::Key::Delete));
+        if let Some(index) = self.selected.take_if(|_| is_deleted) {
+            edits.push(GradientEdit::Remove { index });
+        }
         for edit in edits {
             self.take(edit, model);
         }
@@ -113,7 +127,7 @@ impl Gradient {
             }
             let points = opacity.map_or(&[][..], GradientOpacity::points);
             let Some((index, point)) = self.selected.and_then(|i| Some((i, points.get(i)?))) else {
-                ui.weak("Double-click to add a point; right-click one to remove it.");
+                ui.weak("Double-click to add a point; right-click one, or press Delete, to remove it.");
                 return;
             };
             let (mut magnitude, mut factor) = (point.magnitude, point.factor);
