@@ -37,9 +37,10 @@ archive() {
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
     rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
-    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells ranks_bytes_{512KiB,2MiB}.png; do
+    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells; do
         [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
     done
+    find "$work/$name" -name "ranks_*.png" -exec cp {} "docs/results/$folder" ";"
     rm -rf "${work:?}/$name"
 }
 
@@ -91,7 +92,8 @@ ranked=rays,dsm,osm,dom,bom,clusters,fourier,wavelet,avsm,moments,beer,lightvolu
 archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front" --methods rays,dsm,osm,dom,bom,clusters,fourier,avsm,moments,lightvolume
 # Settings that the searches of an earlier revision found are measured again; without --settings all are searched.
 archive benchmark/all benchmark --data . --cells "*-front-*,*-side-*,*-back-*,*-lamp-*" --methods "$ranked" --settings "$root/docs/results/benchmark/front"
-archive benchmark/soft benchmark --data . --cells "*-sun-front,*-sky-front"
+archive benchmark/soft benchmark --data . --cells "*-sun-front,*-sky-front" --budget bytes=2MiB --settings "$root/docs/results/benchmark/all"
+archive benchmark/time benchmark --data . --cells "*-front-front" --budget frames=4
 
 [[ $measured -gt 0 ]] || { echo "results.sh: no folder ${chosen[*]}" >&2; exit 2; }
 UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages

@@ -189,7 +189,7 @@ impl Table {
         let methods = parse_distinct(list).map_err(|e| e.at("methods"))?;
         let budgets = self.budgets.as_deref().map(Budget::parse_list).transpose();
         let budgets = budgets.map_err(|e| e.at("budget"))?.unwrap_or_default();
-        Budget::check_methods(&budgets, &methods)?;
+        Budget::check_methods(&budgets, &methods).map_err(|e| e.at("methods"))?;
         let ComparedScene { subject, record, tf_text } = compared;
         let facts = Facts::of(renderer.gpu());
         let mut run = Run::new(&facts, self.effort, list, &methods, vec![record], None);

@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::measure::budget::Budget;
 use crate::measure::stats::ErrorStats;
+use crate::measure::table::Row;
 use crate::shadow::{Method, MethodSpec, entry};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +27,7 @@ pub struct Answer {
     pub build_ms: Option<f64>,
     /// Time to draw one picture with the shadow map, ms; the whole time of an external program.
     pub frame_ms: Option<f64>,
-    /// `build_ms + frame_ms` divided by the time of a frame without shadows; only for budgets in frames.
+    /// `build_ms + frame_ms` divided by that of `none`; only for budgets in frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<f64>,
     /// Root mean square error of transmittance at the visible points of the cell, weighted by visibility.
@@ -65,6 +66,12 @@ impl Answer {
     pub fn own_method(&self) -> Result<Option<Box<dyn Method>>> {
         let is_own = !self.settings.is_empty() && entry(&self.method).is_some();
         is_own.then(|| self.settings.parse::<MethodSpec>()?.method()).transpose()
+    }
+
+    /// Columns of a comparison table that budgets limit.
+    pub fn needs(&self) -> Row {
+        let &Self { bytes, build_ms, frame_ms, frames, .. } = self;
+        Row { bytes, build_ms, frame_ms, frames, ..Row::default() }
     }
 
     /// Root mean square error of transmittance; infinite where there is no answer.

@@ -17,6 +17,6 @@ mod plot;
 pub mod ranking;
 mod run;
 mod settings;
-mod verify;
+pub mod verify;
 
 pub use run::Run;

@@ -3,9 +3,14 @@
 use super::answer::{Answer, CellResult};
 use super::folder::Conditions;
 use super::measure::CellJob;
-use crate::error::Result;
+use super::pages;
+use crate::error::{Error, Result};
 use crate::measure::facts::Facts;
 use crate::report::verify::{Recorder, Verified};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const WHAT: &str = "cannot verify";
 
 impl CellJob<'_> {
     /// Measures the recorded settings of a cell again, and compares errors and memory. Answers of external programs are
@@ -34,4 +39,42 @@ impl CellJob<'_> {
         }
         Ok(())
     }
+}
+
+/// Compares the tables of a result folder with those that the results of its cells give. Columns that a later version
+/// added are not compared.
+///
+/// # Errors
+/// A table cannot be read, or the temporary folder cannot be written.
+pub fn verify_tables(results: &[CellResult], folder: &Path, verified: &mut Verified) -> Result<()> {
+    let failed = |e: std::io::Error| Error::runtime(WHAT, folder.display(), e);
+    let made = tempfile::tempdir().map_err(failed)?;
+    pages::write(results, "", made.path())?;
+    // Means and logarithms may round otherwise in another program.
+    for (name, by) in [("benchmark.csv", Recorder::Same), ("ranking.csv", Recorder::OtherRevision)] {
+        let [recorded, made] = [folder, made.path()].map(|folder| read_rows(&folder.join(name)));
+        let (recorded, made) = (recorded?, made?);
+        verified.compare(
+            name,
+            "number of rows",
+            [recorded.len(), made.len()].map(|n| n.to_string()).each_ref().map(String::as_str),
+            by,
+        );
+        for (recorded, made) in recorded.iter().zip(&made) {
+            let title = ["cell", "budget", "method"].map(|key| recorded.get(key).map_or("", String::as_str));
+            let title = format!("{name}: {}", title.join(" "));
+            for (column, text) in recorded {
+                let made = made.get(column).map_or("", String::as_str);
+                verified.compare(&title, column, [text, made], by);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Reads the rows of a table, each as texts by column.
+fn read_rows(path: &Path) -> Result<Vec<BTreeMap<String, String>>> {
+    let unreadable = |e: csv::Error| Error::input(WHAT, path.display(), e);
+    let mut reader = csv::Reader::from_path(path).map_err(unreadable)?;
+    reader.deserialize().collect::<csv::Result<_>>().map_err(unreadable)
 }

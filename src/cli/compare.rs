@@ -147,7 +147,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let methods = parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?;
     let layout = args.layout.layout()?;
     let budgets = distinct_budgets(&args.budget)?;
-    Budget::check_methods(&budgets, &methods)?;
+    Budget::check_methods(&budgets, &methods).map_err(|e| e.at("--methods"))?;
     check_output_dir(&args.output)?;
     let repeated = match args.repeats {
         Some(repeats) => Effort { repeats: repeats as usize, short_repeats: 0, ..Effort::default() },

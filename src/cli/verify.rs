@@ -4,6 +4,7 @@ use super::console::{StepDisplay, load_scene, print_message, print_result};
 use crate::benchmark::Run as BenchmarkRun;
 use crate::benchmark::definition::Definition;
 use crate::benchmark::folder::{Conditions, Folder};
+use crate::benchmark::verify::verify_tables;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::measure::job::Effort;
@@ -68,10 +69,11 @@ fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions)
             format!("it is of version {} of the benchmark, not {}", conditions.version, definition.version);
         return Err(Error::input("cannot verify", args.folder.display(), why));
     }
-    let mut cells = Vec::new();
+    let (mut cells, mut results) = (Vec::new(), Vec::new());
     for cell in definition.cells() {
-        if folder.result(&cell)?.is_some() {
+        if let Some(result) = folder.result(&cell)? {
             cells.push(cell);
+            results.push(result);
         }
     }
     let (definition, data) = (&definition, args.data.clone());
@@ -93,7 +95,9 @@ fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions)
     let verified = run.verify(folder, conditions, &renderer, &mut |cell| progress.begin(step.clone(), cell));
     drop(progress);
     bar.finish_and_clear();
-    verified
+    let mut verified = verified?;
+    verify_tables(&results, &args.folder, &mut verified)?;
+    Ok(verified)
 }
 
 fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {

@@ -15,10 +15,10 @@ use super::pareto::mark_pareto;
 use super::progress::{Progress, Step, StepKind};
 use super::reference::Shared;
 use super::rounds::{TimedRow, time};
-use super::table::Row;
+use super::row_measurements::set_frames;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::shadow::{Method, NoShadows};
+use crate::shadow::Method;
 use ndarray::Axis;
 use std::collections::HashMap;
 
@@ -108,11 +108,7 @@ pub fn compare_within(
     progress.end();
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();
-    let of_none = |row: &&Row| row.method == NoShadows.name() && !row.has_failed();
-    let none = result.compared.iter().map(|c| &c.row).find(of_none);
-    if let Some(frame_ms) = none.and_then(|row| row.frame_ms) {
-        result.compared.iter_mut().for_each(|compared| compared.row.set_frames(frame_ms));
-    }
+    set_frames(result.compared.iter_mut().map(|c| &mut c.row));
     if !budgets.is_empty() {
         result.compared.iter_mut().zip(&uses).for_each(|(c, uses)| say_tuned(c, uses));
     }

@@ -57,7 +57,7 @@ pub mod rays;
 mod reference;
 pub mod rounding_envelope;
 mod rounds;
-mod row_measurements;
+pub(crate) mod row_measurements;
 mod shadow_error;
 pub mod similarity;
 pub mod small_scene;

@@ -10,8 +10,20 @@ use super::stats::{ErrorStats, ImageError};
 use super::table::Row;
 use super::timing::Timing;
 use crate::gpu::Work;
-use crate::shadow::Bound;
+use crate::shadow::{Bound, Method as _, NoShadows};
 use ndarray::Array3;
+
+/// Sets the column `frames` of all rows whose scene, adapter and picture size have a row of `none`.
+pub fn set_frames<'a>(rows: impl IntoIterator<Item = &'a mut Row>) {
+    let mut rows: Vec<&mut Row> = rows.into_iter().collect();
+    let is_none = |row: &&&mut Row| row.method == NoShadows.name() && !row.has_failed();
+    let of_none: Vec<Row> = rows.iter().filter(is_none).map(|row| (**row).clone()).collect();
+    for row in &mut rows {
+        if let Some(none) = of_none.iter().find(|none| none.place() == row.place()) {
+            row.set_frames(none);
+        }
+    }
+}
 
 fn ends(interval: Option<[f64; 2]>) -> [Option<f64>; 2] {
     interval.map_or([None; 2], |ends| ends.map(Some))
@@ -39,9 +51,12 @@ impl Row {
         self.efficiency = variance.map(|variance| 1000.0 / (variance * frame.median));
     }
 
-    /// Sets the column `frames` from the time of a frame without shadows, ms.
-    pub fn set_frames(&mut self, frame_ms_of_none: f64) {
-        self.frames = self.moving_ms().map(|ms| ms / frame_ms_of_none);
+    /// Sets the column `frames` from the row of `none` in the same scene. Both times are of the same clock.
+    pub fn set_frames(&mut self, none: &Self) {
+        let is_same = self.clock == none.clock;
+        let wall_ms = |row: &Self| Some(row.build_wall_ms.unwrap_or(0.0) + row.frame_wall_ms?);
+        let ms = |row: &Self| if is_same { row.moving_ms() } else { wall_ms(row) };
+        self.frames = ms(self).zip(ms(none)).map(|(ms, of_none)| ms / of_none);
     }
 
     /// Adds a note if device times of repeated runs did not agree.

@@ -93,8 +93,8 @@ columns! {
     /// Pictures per second while the light moves, so that the shadow map is rebuilt for each: `1000 / (build_ms +
     /// frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Time of a picture while the light moves, in frames without shadows: `build_ms + frame_ms` divided by the
-    /// `frame_ms` of `none` in the same scene. Empty without a row of `none`.
+    /// Time of a picture while the light moves, in frames without shadows: `build_ms + frame_ms` divided by that of `none`
+    /// in the same scene. Empty without a row of `none`.
     frames [""]: Option<f64>,
     /// Memory allocated for the shadow map, in bytes.
     bytes [""]: Option<u64>,

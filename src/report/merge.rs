@@ -15,6 +15,7 @@ use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
 use crate::measure::comparison::{Compared, take_differences};
 use crate::measure::pareto::mark_pareto;
+use crate::measure::row_measurements::set_frames;
 use crate::measure::table::Row;
 use itertools::Itertools as _;
 use ndarray_npy::read_npy;
@@ -224,6 +225,7 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     }
     made.run = run;
     differences(made, parts)?;
+    set_frames(made.comparison.compared.iter_mut().map(|c| &mut c.row));
     mark_pareto(made.comparison.compared.iter_mut().map(|c| &mut c.row));
     Ok(merged)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Beginnings of the names of columns that depend on program, scene and adapter alone: errors, bounds, sizes and counts.
-const VERIFIED: [&str; 11] = [
+const VERIFIED: [&str; 13] = [
     "map",
     "bytes",
     "nodes_",
@@ -19,6 +19,8 @@ const VERIFIED: [&str; 11] = [
     "bound",
     "strand_err",
     "flicker",
+    "enclosure_",
+    "certified_",
 ];
 
 /// Difference between the program that recorded a value and this one, which decides how well they must agree.

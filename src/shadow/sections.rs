@@ -81,7 +81,7 @@ pub(super) struct Slices {
 
 impl Slices {
     /// Returns planes across the half vector: the direction in the middle between those of the light and of the view, or
-    /// of the opposite view if that is closer to the light (Kniss et al. 2003, section 4.3). Without a view, planes are
+    /// of the opposite view if that is closer to the light (Kniss et al. 2003). Without a view, planes are
     /// perpendicular to the light.
     ///
     /// # Errors

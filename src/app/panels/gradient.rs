@@ -33,6 +33,8 @@ pub struct Gradient {
     counting: Option<Task<JointHistogram>>,
     joint: Option<JointHistogram>,
     selected: Option<usize>,
+    /// Gradient opacity to which `selected` belongs.
+    known: Option<GradientOpacity>,
     /// Whether the drag of a point or number has its undo step.
     noted: bool,
     /// Gradient magnitude at the upper end while a point is dragged, value units per mm.
@@ -49,8 +51,9 @@ impl Gradient {
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(document) = model.document.as_ref().filter(|_| self.open) else { return };
         self.count(&document.volume, &model.wake);
-        // Of both editors, only the point that was clicked last is selected.
-        if document.selected.is_some() {
+        // Of both editors, only the point that was clicked last is selected, until another edit may have moved it.
+        let is_edited = self.known != document.tf.gradient_opacity;
+        if document.selected.is_some() || is_edited {
             self.selected = None;
         }
         let selected = self.selected;
@@ -58,7 +61,7 @@ impl Gradient {
         let (mut open, mut edits) = (true, Vec::new());
         let most = context.content_rect().size() - vec2(40.0, 70.0);
         let view = model.view.unwrap_or(context.content_rect());
-        egui::Window::new(TITLE)
+        let window = egui::Window::new(TITLE)
             .id(egui::Id::unique(TITLE))
             .open(&mut open)
             .default_pos(view.left_top() + vec2(12.0, 12.0))
@@ -74,13 +77,16 @@ impl Gradient {
         {
             document.selected = None;
         }
-        let is_deleted = !context.text_edit_focused() && context.input(|i| i.key_pressed(egui::Key::Delete));
+        let is_shown = window.is_some_and(|window| window.inner.is_some());
+        let is_deleted =
+            is_shown && !context.text_edit_focused() && context.input(|i| i.key_pressed(egui::Key::Delete));
         if let Some(index) = self.selected.take_if(|_| is_deleted) {
             edits.push(GradientEdit::Remove { index });
         }
         for edit in edits {
             self.take(edit, model);
         }
+        self.known = model.document.as_ref().and_then(|document| document.tf.gradient_opacity.clone());
     }
 
     /// Starts to count the joint histogram of a volume unless it is known, and takes it when it is.

@@ -108,7 +108,7 @@ impl Budget {
         let in_frames = budgets.iter().any(|budget| matches!(budget, Self::Frames(_)));
         if in_frames && methods.iter().all(|method| method.name() != NoShadows.name()) {
             let why = "a budget in frames without shadows needs the method none";
-            return Err(Error::input("cannot tune", "--methods", why));
+            return Err(Error::input("cannot tune", "none", why));
         }
         Ok(())
     }

@@ -115,6 +115,15 @@ impl<'a> Search<'a> {
         Ok(idle >= moves.len())
     }
 
+    /// Replaces the memory and the times of a trial by those of another measurement of the same settings.
+    pub fn correct(&mut self, place: &Place, measured: &Row) {
+        for (_, trial) in self.tried.iter_mut().filter(|(tried, _)| tried == place) {
+            trial.bytes = measured.bytes;
+            (trial.build_ms, trial.frame_ms, trial.frames) =
+                (measured.build_ms, measured.frame_ms, measured.frames);
+        }
+    }
+
     /// Tries the method's default settings. Where neither they nor earlier trials are within the budget, it lowers all
     /// ordered settings together, then each alone, until the budget is satisfied; where that fails, also with other words
     /// of the unordered settings.

@@ -88,6 +88,14 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
     let refuted = verify();
     let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
     assert!(refuted.status.code() == Some(1) && said.contains("point_err_rms is"), "{said}");
+    // So is one of a table.
+    fs::write(&cell, &recorded).unwrap();
+    let path = dir.path().join("out/benchmark.csv");
+    fs::write(&path, first.replacen(",20000,", ",20001,", 1)).unwrap();
+    let refuted = verify();
+    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
+    assert!(refuted.status.code() == Some(1) && said.contains("benchmark.csv"), "{said}");
+    fs::write(&path, &first).unwrap();
     fs::write(&cell, recorded.replace("\"one\"", "\"recorded\"")).unwrap();
     assert!(
         benchmark(dir.path(), "cloud-dense-front-front").contains(",recorded,"),
@@ -123,6 +131,25 @@ fn measures_again_without_a_search(folder: &Path, earlier: &HashMap<String, Stri
         assert_eq!(again[column], earlier[column], "{column}");
     }
     assert!(table.iter().any(|row| row["method"] == "beer" && row["trials"] != "0"), "{table:?}");
+}
+
+#[test]
+fn settings_within_a_time_hold_it_when_they_are_timed_again() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let cell = ["--cells", "cloud-thin-front-front", "--methods", "osm,beer", "--budget", "frames=30"];
+    let output = umbravox(dir.path(), &[&["benchmark", "-o", "out"][..], &cell].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
+    for row in &table {
+        let [build_ms, frame_ms, frames, error] = ["build_ms", "frame_ms", "frames", "point_err_rms"]
+            .map(|column| row[column].parse::<f64>().unwrap());
+        assert!(build_ms > 0.0 && frame_ms > 0.0 && error < 0.1, "{row:?}");
+        assert!(frames > 1.0 && frames <= 33.0 && (frames <= 30.0) == row["note"].is_empty(), "{row:?}");
+    }
+    assert_eq!(table.len(), 2);
 }
 
 #[test]
