@@ -78,24 +78,7 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
         rows(csv).into_iter().map(without_time).collect()
     };
     assert_eq!(untimed(&benchmark(dir.path(), "cloud-dense-front-front")), untimed(&first));
-    // Recorded errors are confirmed, and a changed digit is found.
-    let verify = || umbravox(dir.path(), &["verify", "out"]);
-    let confirmed = verify();
-    assert!(confirmed.status.success(), "{}", String::from_utf8_lossy(&confirmed.stderr));
-    let osm = recorded.find("point_err_rms\": 0.").unwrap() + "point_err_rms\": 0.".len();
-    let digit = if &recorded[osm + 3..osm + 4] == "7" { "8" } else { "7" };
-    fs::write(&cell, [&recorded[..osm + 3], digit, &recorded[osm + 4..]].concat()).unwrap();
-    let refuted = verify();
-    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
-    assert!(refuted.status.code() == Some(1) && said.contains("point_err_rms is"), "{said}");
-    // So is one of a table.
-    fs::write(&cell, &recorded).unwrap();
-    let path = dir.path().join("out/benchmark.csv");
-    fs::write(&path, first.replacen(",20000,", ",20001,", 1)).unwrap();
-    let refuted = verify();
-    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
-    assert!(refuted.status.code() == Some(1) && said.contains("benchmark.csv"), "{said}");
-    fs::write(&path, &first).unwrap();
+    verifies_and_finds_a_changed_digit(dir.path());
     fs::write(&cell, recorded.replace("\"one\"", "\"recorded\"")).unwrap();
     assert!(
         benchmark(dir.path(), "cloud-dense-front-front").contains(",recorded,"),
@@ -115,6 +98,30 @@ fn a_cell_ranks_methods_and_programs_and_resumes_to_the_same_errors() {
     let error = refused(dir.path(), &other);
     assert!(error.contains("out") && error.contains("other methods, budgets"), "{error}");
     measures_again_without_a_search(dir.path(), front);
+}
+
+/// Confirms the recorded errors, and finds a changed digit in the result of a cell and in a table.
+fn verifies_and_finds_a_changed_digit(folder: &Path) {
+    let cell = folder.join("out/cells/cloud-dense-front-front.json");
+    let recorded = fs::read_to_string(&cell).unwrap();
+    let verify = || umbravox(folder, &["verify", "out"]);
+    let confirmed = verify();
+    assert!(confirmed.status.success(), "{}", String::from_utf8_lossy(&confirmed.stderr));
+    let osm = recorded.find("point_err_rms\": 0.").unwrap() + "point_err_rms\": 0.".len();
+    let digit = if &recorded[osm + 3..osm + 4] == "7" { "8" } else { "7" };
+    fs::write(&cell, [&recorded[..osm + 3], digit, &recorded[osm + 4..]].concat()).unwrap();
+    let refuted = verify();
+    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
+    assert!(refuted.status.code() == Some(1) && said.contains("point_err_rms is"), "{said}");
+    // So is one of a table.
+    fs::write(&cell, &recorded).unwrap();
+    let path = folder.join("out/benchmark.csv");
+    let table = fs::read_to_string(&path).unwrap();
+    fs::write(&path, table.replacen(",20000,", ",20001,", 1)).unwrap();
+    let refuted = verify();
+    let said = String::from_utf8_lossy(&refuted.stderr).into_owned();
+    assert!(refuted.status.code() == Some(1) && said.contains("benchmark.csv"), "{said}");
+    fs::write(&path, &table).unwrap();
 }
 
 /// Measures a cell with the settings of an earlier run, beside a method that this run has not.
