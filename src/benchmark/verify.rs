@@ -7,7 +7,7 @@ use super::pages;
 use crate::error::{Error, Result};
 use crate::measure::facts::Facts;
 use crate::report::verify::{Recorder, Verified};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 const WHAT: &str = "cannot verify";
@@ -41,15 +41,18 @@ impl CellJob<'_> {
     }
 }
 
-/// Compares the tables of a result folder with those that the results of its cells give. Columns that a later version
-/// added are not compared.
+/// Compares the tables of a result folder with those that the results of their cells give. The folder may have results of
+/// more cells, whose settings start searches. Columns that a later version added are not compared.
 ///
 /// # Errors
 /// A table cannot be read, or the temporary folder cannot be written.
 pub fn verify_tables(results: &[CellResult], folder: &Path, verified: &mut Verified) -> Result<()> {
     let failed = |e: std::io::Error| Error::runtime(WHAT, folder.display(), e);
     let made = tempfile::tempdir().map_err(failed)?;
-    pages::write(results, "", made.path())?;
+    let rows = read_rows(&folder.join("benchmark.csv"))?;
+    let listed: HashSet<&str> = rows.iter().filter_map(|row| row.get("cell").map(String::as_str)).collect();
+    let results: Vec<_> = results.iter().filter(|result| listed.contains(&*result.cell)).cloned().collect();
+    pages::write(&results, "", made.path())?;
     // Means and logarithms may round otherwise in another program.
     for (name, by) in [("benchmark.csv", Recorder::Same), ("ranking.csv", Recorder::OtherRevision)] {
         let [recorded, made] = [folder, made.path()].map(|folder| read_rows(&folder.join(name)));

@@ -154,7 +154,7 @@ fn ranking_within(budget: &str, mut ranks: Vec<&Row>) -> String {
     let text = format!(
         "- Within {}, {} has the least error in {} % of {} scenes (95 % intervals: {}).\n  \
          Next are {} with {} % ({}) and {} with {} %.\n ",
-        budget.trim_start_matches("bytes=").replace("KiB", " KiB").replace("MiB", " MiB"),
+        amount(budget),
         method(first),
         percent(first, "share"),
         value(first, "cells"),
@@ -176,6 +176,15 @@ fn ranking_within(budget: &str, mut ranks: Vec<&Row>) -> String {
         mean_ranks.join(", "),
         same.join(", ")
     )
+}
+
+/// A budget as a reader says it.
+fn amount(budget: &str) -> String {
+    match budget.split_once('=') {
+        Some(("bytes", size)) => size.replace("KiB", " KiB").replace("MiB", " MiB"),
+        Some(("frames", number)) => format!("the time of {number} frames without shadows"),
+        _ => panic!("{budget}"),
+    }
 }
 
 /// The page with the text of every block made again.
@@ -241,7 +250,7 @@ fn is_same(a: &str, b: &str) -> bool {
 fn archived_rankings_are_those_of_their_cells() {
     let is_rewritten = std::env::var_os("UMBRAVOX_REWRITE").is_some();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/benchmark");
-    for folder in ["all", "front", "vtk"].map(|name| root.join(name)) {
+    for folder in ["all", "front", "sky", "sun", "vtk"].map(|name| root.join(name)) {
         let page = fs::read_to_string(folder.join("benchmark.md")).unwrap();
         let made_by = page.split("\n\n").nth(1).expect("a paragraph on the run");
         let made = tempfile::tempdir().unwrap();
