@@ -6,11 +6,9 @@ use super::measure::CellJob;
 use super::pages;
 use crate::error::{Error, Result};
 use crate::measure::facts::Facts;
-use crate::report::verify::{Recorder, Verified};
-use std::collections::{BTreeMap, HashSet};
+use crate::report::verify::{Recorder, Verified, read_texts};
+use std::collections::HashSet;
 use std::path::Path;
-
-const WHAT: &str = "cannot verify";
 
 impl CellJob<'_> {
     /// Measures the recorded settings of a cell again, and compares errors and memory. Answers of external programs are
@@ -47,22 +45,18 @@ impl CellJob<'_> {
 /// # Errors
 /// A table cannot be read, or the temporary folder cannot be written.
 pub fn verify_tables(results: &[CellResult], folder: &Path, verified: &mut Verified) -> Result<()> {
-    let failed = |e: std::io::Error| Error::runtime(WHAT, folder.display(), e);
+    let failed = |e: std::io::Error| Error::runtime("cannot verify", folder.display(), e);
     let made = tempfile::tempdir().map_err(failed)?;
-    let rows = read_rows(&folder.join("benchmark.csv"))?;
+    let rows = read_texts(&folder.join("benchmark.csv"))?;
     let listed: HashSet<&str> = rows.iter().filter_map(|row| row.get("cell").map(String::as_str)).collect();
     let results: Vec<_> = results.iter().filter(|result| listed.contains(&*result.cell)).cloned().collect();
     pages::write(&results, "", made.path())?;
     // Means and logarithms may round otherwise in another program.
     for (name, by) in [("benchmark.csv", Recorder::Same), ("ranking.csv", Recorder::OtherRevision)] {
-        let [recorded, made] = [folder, made.path()].map(|folder| read_rows(&folder.join(name)));
+        let [recorded, made] = [folder, made.path()].map(|folder| read_texts(&folder.join(name)));
         let (recorded, made) = (recorded?, made?);
-        verified.compare(
-            name,
-            "number of rows",
-            [recorded.len(), made.len()].map(|n| n.to_string()).each_ref().map(String::as_str),
-            by,
-        );
+        let counts = [recorded.len(), made.len()].map(|count| count.to_string());
+        verified.compare(name, "number of rows", counts.each_ref().map(String::as_str), by);
         for (recorded, made) in recorded.iter().zip(&made) {
             let title = ["cell", "budget", "method"].map(|key| recorded.get(key).map_or("", String::as_str));
             let title = format!("{name}: {}", title.join(" "));
@@ -73,11 +67,4 @@ pub fn verify_tables(results: &[CellResult], folder: &Path, verified: &mut Verif
         }
     }
     Ok(())
-}
-
-/// Reads the rows of a table, each as texts by column.
-fn read_rows(path: &Path) -> Result<Vec<BTreeMap<String, String>>> {
-    let unreadable = |e: csv::Error| Error::input(WHAT, path.display(), e);
-    let mut reader = csv::Reader::from_path(path).map_err(unreadable)?;
-    reader.deserialize().collect::<csv::Result<_>>().map_err(unreadable)
 }

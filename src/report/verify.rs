@@ -114,10 +114,7 @@ impl Archive {
     pub fn read(folder: &Path) -> Result<Self> {
         let refuse = |why: &str| Error::input("cannot verify", folder.display(), why);
         let run = Run::read(folder)?.ok_or_else(|| refuse("it has no run.json"))?;
-        let path = folder.join("compare.csv");
-        let unreadable = |e: &dyn std::fmt::Display| Error::input("cannot verify", path.display(), e);
-        let mut reader = csv::Reader::from_path(&path).map_err(|e| unreadable(&e))?;
-        let rows = reader.deserialize().collect::<csv::Result<Vec<_>>>().map_err(|e| unreadable(&e))?;
+        let rows = read_texts(&folder.join("compare.csv"))?;
         if !run.finished || !run.merged.is_empty() {
             return Err(refuse("its table is unfinished or merged from others"));
         }
@@ -158,6 +155,16 @@ impl Archive {
         }
         verified
     }
+}
+
+/// Reads the rows of an archived table, each as texts by column.
+///
+/// # Errors
+/// The file is missing or is no table.
+pub fn read_texts(path: &Path) -> Result<Vec<BTreeMap<String, String>>> {
+    let unreadable = |e: csv::Error| Error::input("cannot verify", path.display(), e);
+    let mut reader = csv::Reader::from_path(path).map_err(unreadable)?;
+    reader.deserialize().collect::<csv::Result<_>>().map_err(unreadable)
 }
 
 #[cfg(test)]

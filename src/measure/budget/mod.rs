@@ -61,8 +61,8 @@ impl FromStr for Budget {
 }
 
 impl Budget {
-    /// Parses memory and time budgets such as `bytes=2MiB,8MiB`, `ms=50` and `frames=3`. A value without a key belongs to the key
-    /// before it.
+    /// Parses memory and time budgets such as `bytes=2MiB,8MiB`, `ms=50` and `frames=3`. A value without a key belongs to
+    /// the key before it.
     ///
     /// # Errors
     /// A part of the text is not a valid budget; the error names that part.
