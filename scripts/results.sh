@@ -40,7 +40,9 @@ archive() {
     for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells; do
         [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
     done
-    find "$work/$name" -name "ranks_*.png" -exec cp {} "docs/results/$folder" ";"
+    for file in "ranks_*.png" "*_scene.toml" "*_transfer_function.json"; do
+        find "$work/$name" -maxdepth 1 -name "$file" -exec cp {} "docs/results/$folder" ";"
+    done
     rm -rf "${work:?}/$name"
 }
 
@@ -84,6 +86,18 @@ archive soft-light/engine-sun compare engine.nii.gz --tf ct "${sun[@]}" --method
 random="rays;rays:march=samples,step=0.5,1,2,4;rays:estimator=ratio,residual,samples=1,4,16;rays:estimator=jackknife,samples=8,32,128;rays:estimator=unbiased,samples=4,16,64"
 archive random-rays/cloud compare phantom:cloud:128 --tf cloud.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
 archive random-rays/engine compare engine.nii.gz --tf engine.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
+
+scenes=()
+for volume in cloud smoke foam struts sheets; do
+    for function in thin step; do
+        scene=$volume-$function.toml
+        printf 'volume = "phantom:%s:64"\ntf = "%s.json"\n' "$volume" "$function" >"$work/$scene"
+        scenes+=(--scene "$scene")
+    done
+done
+for points in 20000 1000000; do
+    archive "intervals/points-$points" compare "${scenes[@]}" "${light[@]}" --size 64x64 --points "$points" --rays 5 --depths 5 --repeats 1 --methods "none;rays:march=samples,step=2;dsm:map=64,128;osm:map=64,128;dom:map=64,128;bom:map=64,128;clusters:map=64,128;fourier:map=64,128;avsm:map=64,128;moments:map=64,128;lightvolume:scale=2,4"
+done
 
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"

@@ -4,6 +4,8 @@
 //!
 //! - `<!-- table FILE...: COLUMN, COLUMN as HEADING, ... | LABEL; LABEL; ... -->` has a line for each row,
 //! - `<!-- pivot FILE...: COLUMN | LABEL; LABEL; ... -->` has one column of each file, with a line for each label,
+//! - `<!-- coverage FILE REFERENCE -->` counts, for each scene, the intervals of `point_err_rms` in the first file that
+//!   contain its value in the second,
 //! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark, with 95 % intervals and mean ranks.
 //!
 //! A column is that of the CSV file, with `/` and a divisor (number or column) if need be. Further columns are `folder`
@@ -11,6 +13,7 @@
 //! select rows.
 
 use crate::readme::pages;
+use itertools::Itertools as _;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
@@ -64,6 +67,10 @@ fn selected<'a>(all: &'a [Row], labels: &str) -> Vec<&'a Row> {
 
 fn value<'a>(row: &'a Row, column: &str) -> &'a str {
     row.get(column).unwrap_or_else(|| panic!("no column {column}"))
+}
+
+fn number(row: &Row, column: &str) -> f64 {
+    value(row, column).parse().unwrap_or_else(|_| panic!("{column} is no number"))
 }
 
 /// Text of a cell. Numbers have three digits, method names are code.
@@ -128,6 +135,34 @@ fn pivot(folder: &Path, instruction: &str) -> String {
     aligned_table(&headings, &lines)
 }
 
+/// Counts of the intervals of `point_err_rms` that contain the value of the same row in a second file.
+fn coverage(folder: &Path, files: &str) -> String {
+    let (file, reference) = files.split_once(' ').expect("two files");
+    let [rows, reference] = [file, reference].map(|file| rows(&folder.join(file)));
+    assert_eq!(rows.len(), reference.len());
+    let is_inside = |(row, truth): (&Row, &Row)| {
+        assert!(["scene", "setting"].iter().all(|column| value(row, column) == value(truth, column)));
+        let [lo, hi] = ["point_err_rms_lo", "point_err_rms_hi"].map(|end| number(row, end));
+        (lo..=hi).contains(&number(truth, "point_err_rms"))
+    };
+    let line = |scene: &str, inside: Vec<bool>| {
+        let (count, all) = (inside.iter().filter(|is| **is).count(), inside.len());
+        vec![
+            scene.to_owned(),
+            format!("{count} of {all}"),
+            format!("{:.1} %", 100.0 * count as f64 / all as f64),
+        ]
+    };
+    let pairs = || rows.iter().zip(&reference);
+    let scenes = pairs().chunk_by(|(row, _)| value(row, "scene"));
+    let mut lines: Vec<_> =
+        scenes.into_iter().map(|(scene, pairs)| line(scene, pairs.map(is_inside).collect())).collect();
+    lines.push(line("all", pairs().map(is_inside).collect()));
+    let headings =
+        [("scene", Align::Left), ("intervals that contain the error", Align::Right), ("share", Align::Right)];
+    aligned_table(&headings.map(|(name, align)| (name.to_owned(), align)), &lines)
+}
+
 /// List of the budgets of a benchmark, with a text on each.
 fn ranking(folder: &Path, file: &str) -> String {
     let rows = rows(&folder.join(file));
@@ -141,7 +176,6 @@ fn ranking(folder: &Path, file: &str) -> String {
 /// Text on one budget: the three methods that win most cells, those with the least mean rank, and the methods that the
 /// Nemenyi test does not separate from the first of these.
 fn ranking_within(budget: &str, mut ranks: Vec<&Row>) -> String {
-    let number = |row: &Row, column: &str| value(row, column).parse::<f64>().unwrap();
     let percent = |row: &Row, column: &str| format!("{:.0}", 100.0 * number(row, column));
     let method = |row: &Row| format!("`{}`", value(row, "method"));
     let intervals = |row: &Row| {
@@ -197,6 +231,7 @@ fn renewed(path: &Path, page: &str) -> String {
         let made = match instruction.split_once(' ').unwrap() {
             ("table", instruction) => table(folder, instruction),
             ("pivot", instruction) => pivot(folder, instruction),
+            ("coverage", files) => coverage(folder, files),
             ("ranking", file) => ranking(folder, file),
             (other, _) => panic!("{}: {other}", path.display()),
         };
