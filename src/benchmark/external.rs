@@ -122,19 +122,21 @@ impl Files<'_> {
     }
 
     fn write_inputs(&self, cell: &CellJob, [scene, picture]: [&str; 2]) -> Result<()> {
-        let (job, visible) = (cell.job(), cell.visible());
-        let points: String =
-            visible.points_mm().iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
-        let texts = [
-            ("scene.toml", scene),
-            ("picture.toml", picture),
-            ("function.json", &job.tf.to_json()),
-            ("points.txt", &points),
-        ];
-        for (name, text) in texts {
-            write_whole(&self.path(name), |file| file.write_all(text.as_bytes()))?;
-        }
-        write_nifti(job.volume, &self.path("volume.nii"))
+        self.write_cell(cell, scene)?;
+        self.write("picture.toml", picture)?;
+        write_nifti(cell.job().volume, &self.path("volume.nii"))
+    }
+
+    fn write_cell(&self, cell: &CellJob, scene: &str) -> Result<()> {
+        let points = cell.visible().points_mm();
+        let points: String = points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+        self.write("scene.toml", scene)?;
+        self.write("function.json", &cell.job().tf.to_json())?;
+        self.write("points.txt", &points)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<()> {
+        write_whole(&self.path(name), |file| file.write_all(text.as_bytes()))
     }
 
     /// Reads the transmittances of the program, and returns their errors with the weights of the points. It returns no
@@ -167,6 +169,18 @@ impl Files<'_> {
         }
         cell.picture_error(read_exr(&path)?.view()).map(Some)
     }
+}
+
+/// Writes scene file, transfer function, visible points and exact transmittances of a cell into an existing folder. A line
+/// of `exact.txt` has the transmittance of the point in the same line of `points.txt`, and its weight in `point_err_rms`.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn export_cell(cell: &CellJob, scene: &str, folder: &Path) -> Result<()> {
+    let (files, visible) = (Files(folder), cell.visible());
+    files.write_cell(cell, scene)?;
+    let lines = visible.exact().iter().zip(visible.weights());
+    files.write("exact.txt", &lines.map(|(exact, weight)| format!("{exact} {weight}\n")).collect::<String>())
 }
 
 #[cfg(test)]

@@ -2,11 +2,13 @@
 
 use super::answer::CellResult;
 use super::definition::{Cell, Definition, Source};
-use super::external::External;
+use super::external::{External, export_cell};
 use super::folder::{Conditions, Folder};
 use super::measure::{CellJob, compared, effort};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::files::output::prepare_output_dir;
+use crate::formats::write_nifti;
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
 use crate::measure::facts::{Facts, REVISION};
@@ -229,11 +231,32 @@ impl Run<'_> {
     /// See [`Self::visit`].
     pub fn hashes(&self, renderer: &Arc<Renderer>, watch: Watch) -> Result<String> {
         let mut lines = String::new();
-        self.visit(renderer, watch, &mut |cell, job| {
+        self.visit(renderer, watch, &mut |cell, _, job| {
             lines += &format!("{}\t{}\n", cell.name, job.hash);
             Ok(())
         })?;
         Ok(lines)
+    }
+
+    /// Writes volumes, scene files, visible points and exact transmittances of all selected cells into a folder: the
+    /// volume `NAME.nii` once, and a folder for each cell.
+    ///
+    /// # Errors
+    /// See [`Self::visit`]; or a file cannot be written.
+    pub fn export(&self, folder: &Path, renderer: &Arc<Renderer>, watch: Watch) -> Result<()> {
+        prepare_output_dir(folder)?;
+        let mut written = None;
+        self.visit(renderer, watch, &mut |cell, loaded, job| {
+            let volume = format!("{}.nii", self.definition.volume[cell.volume].name);
+            if written != Some(cell.volume) {
+                write_nifti(&loaded.volume, &folder.join(&volume))?;
+                written = Some(cell.volume);
+            }
+            let own = folder.join(&cell.name);
+            prepare_output_dir(&own)?;
+            let spec = VolumeSpec::new(format!("../{volume}"));
+            export_cell(job, &scene_text(loaded, spec, None, &loaded.scene, &cell.name)?, &own)
+        })
     }
 
     /// Measures the recorded settings of all selected cells again, and compares errors and memory. `before` says
@@ -249,7 +272,7 @@ impl Run<'_> {
         watch: Watch,
     ) -> Result<Verified> {
         let (mut verified, facts) = (Verified::default(), Facts::of(renderer.gpu()));
-        self.visit(renderer, watch, &mut |cell, job| match folder.result(cell)? {
+        self.visit(renderer, watch, &mut |cell, _, job| match folder.result(cell)? {
             Some(recorded) => job.verify(&recorded, (before, &facts), &mut verified),
             None => Ok(()),
         })?;
@@ -264,7 +287,7 @@ impl Run<'_> {
         &self,
         renderer: &Arc<Renderer>,
         watch: Watch,
-        each: &mut dyn FnMut(&Cell, &CellJob) -> Result<()>,
+        each: &mut dyn FnMut(&Cell, &Loaded, &CellJob) -> Result<()>,
     ) -> Result<()> {
         let (mut subject, mut on_device) = (None, None);
         for cell in self.cells {
@@ -274,7 +297,7 @@ impl Run<'_> {
             let subject = (&*loaded.volume, &loaded.tf);
             let effort = effort(self.definition.points_of(cell));
             let job = Job::new(session, subject, &loaded.scene, &cell.name, effort);
-            each(cell, &CellJob::new(job)?)?;
+            each(cell, &loaded, &CellJob::new(job)?)?;
         }
         Ok(())
     }

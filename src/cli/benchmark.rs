@@ -28,7 +28,7 @@ use std::sync::Arc;
 #[derive(Debug, Args)]
 pub struct BenchmarkArgs {
     /// Folder for the results; a folder of the same benchmark is continued
-    #[arg(short, long, value_name = "DIR", required_unless_present_any = ["list", "hashes"])]
+    #[arg(short, long, value_name = "DIR", required_unless_present_any = ["list", "hashes", "export"])]
     pub output: Option<PathBuf>,
     /// Cells to measure: patterns of names VOLUME-FUNCTION-LIGHT-VIEW, separated by commas; * stands for any text
     #[arg(long, value_name = "PATTERNS", default_value = "*")]
@@ -61,6 +61,9 @@ pub struct BenchmarkArgs {
     /// Print the hashes of the exact transmittances of the selected cells and end
     #[arg(long, conflicts_with_all = ["list", "output"])]
     pub hashes: bool,
+    /// Write volumes, scene files, visible points and exact transmittances of the selected cells to DIR and end
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["list", "output", "hashes"])]
+    pub export: Option<PathBuf>,
 }
 
 /// Runs the `benchmark` command: measures the cells that the folder lacks, then writes tables and plots of all.
@@ -82,8 +85,8 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
             format!("two programs are named {twice}"),
         ));
     }
-    if let Some(output) = &args.output {
-        check_output_dir(output)?;
+    if let Some(folder) = args.output.as_ref().or(args.export.as_ref()) {
+        check_output_dir(folder)?;
     }
     let settings = args.settings.as_deref().map(|path| earlier(path, &definition)).transpose()?;
     let own: Vec<Cell> =
@@ -109,6 +112,11 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         bar.show(&Status { step: &running, what: step, done, total: own.len(), left_s: None });
         if interrupt.is_requested() { Err(Error::cancelled(step)) } else { Ok(()) }
     };
+    if let Some(folder) = &args.export {
+        run.export(folder, &renderer, &mut watch)?;
+        bar.finish_and_clear();
+        return print_result(&format_args!("{}: {} cells\n", folder.display(), own.len()));
+    }
     let Some(output) = &args.output else {
         let hashes = run.hashes(&renderer, &mut watch)?;
         bar.finish_and_clear();

@@ -160,6 +160,73 @@ fn settings_within_a_time_hold_it_when_they_are_timed_again() {
 }
 
 #[test]
+fn shards_that_run_at_once_share_a_folder() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let cells = "cloud-thin-front-front,cloud-dense-front-front,cloud-surface-front-front";
+    let shared = ["benchmark", "-o", "out", "--cells", cells, "--methods", "osm", "--budget", "bytes=16KiB"];
+    let shard = &|part: &str| {
+        let output = umbravox(dir.path(), &[&shared[..], &["--shard", part]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let said = std::thread::scope(|scope| {
+        let jobs = ["1/2", "2/2"].map(|part| scope.spawn(move || shard(part)));
+        jobs.map(|job| job.join().unwrap())
+    });
+    assert!(
+        said.concat().contains(": 1 cells are measured") && said.concat().contains(": 2 cells"),
+        "{said:?}"
+    );
+    assert!(!dir.path().join("out/benchmark.csv").exists(), "a shard writes no tables");
+
+    // The command without a shard writes the tables, and measures no cell again.
+    let recorded = || {
+        let files = fs::read_dir(dir.path().join("out/cells")).unwrap().map(|file| file.unwrap().path());
+        files.map(|path| (fs::metadata(&path).unwrap().modified().unwrap(), path)).collect::<Vec<_>>()
+    };
+    let before = recorded();
+    let output = umbravox(dir.path(), &shared);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
+    let named: Vec<_> = table.iter().map(|row| &*row["cell"]).collect();
+    assert_eq!(named, ["cloud-thin-front-front", "cloud-dense-front-front", "cloud-surface-front-front"]);
+    assert_eq!(recorded(), before);
+}
+
+/// The exported transmittances are those that answers are compared with, and the exported scene is one to draw.
+#[test]
+fn exported_cells_have_the_exact_answers_of_their_points() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let name = "cloud-thin-lamp-front";
+    let run = |more: &[&str]| {
+        let output = umbravox(dir.path(), more);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["benchmark", "--cells", name, "--export", "exported"]);
+    let [exact, points] = ["exact.txt", "points.txt"]
+        .map(|file| fs::read_to_string(dir.path().join("exported").join(name).join(file)).unwrap());
+    assert_eq!((exact.lines().count(), points.lines().count()), (20_000, 20_000));
+
+    let copied = format!("one=cut -d ' ' -f 1 exported/{name}/exact.txt > \"$UMBRAVOX_TRANSMITTANCES\"");
+    let same = format!("same=cmp exported/{name}/points.txt \"$UMBRAVOX_POINTS\"");
+    let programs = ["--external", &copied, "--external", &same];
+    let budget = ["--methods", "osm", "--budget", "bytes=1KiB"];
+    run(&[&["benchmark", "--cells", name, "-o", "out"], &programs[..], &budget].concat());
+    let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
+    let [one, same] = ["one", "same"].map(|of| table.iter().find(|row| row["method"] == of).unwrap());
+    assert_eq!((&*one["point_err_rms"], &*one["point_err_max"]), ("0.0", "0.0"));
+    assert!(same["note"].contains("neither"), "the points are the same: {same:?}");
+    let scene = format!("exported/{name}/scene.toml");
+    run(&["render", "--scene", &scene, "--size", "16x16", "-o", "picture.png"]);
+}
+
+#[test]
 fn a_program_that_fails_is_noted_and_the_others_go_on() {
     if !common::has_adapter() {
         return;
