@@ -40,7 +40,7 @@ settings! {
     /// Settings of a bounding opacity map.
     pub struct BoundingOpacityMap {
         /// Number of layers of a bounding opacity map (`K` of Voicu 2011).
-        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
+        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32", "48", "64", "128"]),
         /// Rule that divides the depth range of each texel, from the start to the end of matter, into the layers of a
         /// bounding opacity map.
         split: LayerSplit = split_key("hybrid"),
@@ -78,7 +78,7 @@ pub(super) static ENTRY: Entry = Entry {
     stability: "bom:map=64,near=0",
     published: Some(Published {
         paper: "Voicu 2011",
-        settings: "bom:depth_bits=32,bits=32,near=0,average=depth",
+        settings: "bom:depth_bits=32,bits=32,near=0,average=depth,lookup=each",
     }),
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
 };

@@ -49,7 +49,7 @@ settings! {
     /// Settings of a deep opacity map.
     pub struct DeepOpacityMap {
         /// Number of layers of a deep opacity map (`K` of Yuksel and Keyser 2008).
-        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
+        layers: u32 = Key::whole(LAYERS, "15", "number of layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32", "48", "64", "128"]),
         /// Rule that divides the depth range behind the first matter into the layers of a deep opacity map.
         split: LayerSplit = split_key("growing"),
         /// Weight of logarithmic against linear layer spacing with `split=hybrid`, from 0 (linear) to 1
@@ -101,7 +101,7 @@ pub(super) static ENTRY: Entry = Entry {
     stability: "dom:map=64,near=0",
     published: Some(Published {
         paper: "Yuksel and Keyser 2008",
-        settings: "dom:layers=3,near=0,average=depth",
+        settings: "dom:layers=3,near=0,average=depth,lookup=each",
     }),
     style: Style { color: [0, 158, 115], marker: Marker::Up },
 };

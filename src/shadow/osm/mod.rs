@@ -99,7 +99,10 @@ pub(super) static ENTRY: Entry = Entry {
     compared: "osm:layers=8,32,128",
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64,near=0",
-    published: Some(Published { paper: "Kim and Neumann 2001", settings: "osm:near=0,average=depth" }),
+    published: Some(Published {
+        paper: "Kim and Neumann 2001",
+        settings: "osm:kernel=3,filter=nearest,near=0,average=depth,lookup=each",
+    }),
     style: Style { color: [230, 159, 0], marker: Marker::Square },
 };
 
