@@ -48,7 +48,8 @@ archive() {
 
 light=(--light dir:0.5,-0.5,0.7071)
 
-archive chest/table compare --scene chest.toml --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2"
+papers="dsm:map=256,segments=transmittance,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
+archive chest/table compare --scene chest.toml --repeats 7 --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;wavelet:map=256,rank=4;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;beer:map=256;lightvolume:scale=4,2;sat:boxes=16,64;halfangle;$papers"
 
 near="dsm:epsilon=0.005,map=128,256,near=0,2,4,8;dsm:epsilon=0.005,map=256,near=0,4,align=on;avsm:map=256,near=0,4;clusters:map=256,near=0,4;bom:map=256,near=0,4;osm:map=256,near=0,4;moments:map=256,near=0,4"
 enclosures="dsm:fit=volume,epsilon=0.005,map=256,enclose=on,near=0,2,4,8;dsm:fit=volume,epsilon=0.005,map=512,enclose=on,near=4"
@@ -66,7 +67,7 @@ scene vessels-isosurface CT_AVM.nii.gz --tf isosurface
 scene head CT_pitch.nii.gz --tf ct
 scene thorax phantom:thorax:128 --tf ct
 scene hair phantom:hair-curly --tf hair
-archive near-rays/curves compare engine.nii.gz --tf engine.json "${light[@]}" --methods "dsm:epsilon=0.002,map=256,near=0,4,align=off,on;avsm:nodes=32,bits=32,map=256,near=0,4" --size 256x256 --step 1 --rays 200
+archive near-rays/curves compare engine.nii.gz --tf engine.json "${light[@]}" --methods "dsm:epsilon=0.002,map=256,near=0,4,align=off,on;avsm:nodes=32,bits=32,map=256,near=0,4,align=off,on" --size 256x256 --step 1 --rays 200
 
 optimal="dsm:epsilon=0.005,0.02,0.06;dsm:epsilon=0.005,0.02,0.06,segments=transmittance;dsm:epsilon=0.005,0.02,0.06,compress=optimal"
 archive optimal-nodes/engine compare engine.nii.gz --tf engine.json --methods "$optimal" --rays 500
@@ -75,6 +76,11 @@ archive optimal-nodes/vessels compare CT_AVM.nii.gz --tf vessels --methods "$opt
 for step in 1 0.5 0.25; do
     archive "shadow-errors/step-$step" compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step "$step" --methods "none;rays;dsm:epsilon=0.02,map=256;osm:map=256;rays:lookup=each;dsm:map=256,lookup=each"
 done
+
+# The error that pictures by shadow rays keep at small steps is that of eye rays: a picture of ambient light alone has it too.
+archive shadow-errors/step-0.0625 compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step 0.0625 --repeats 1 --methods "rays;rays:lookup=each"
+archive shadow-errors/ambient compare engine.nii.gz --tf engine.json "${light[@]}" --ambient 1 --size 256x256 --step 0.0625 --repeats 1 --methods none
+archive shadow-errors/flicker compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step 1 --flicker 64 --repeats 1 --rays 50 --points 4000 --methods "dsm:map=256,fit=view,volume;osm:map=256,fit=view,volume;bom:map=256,fit=view,volume;moments:map=256,fit=view,volume;lightvolume:scale=2"
 
 archive strands/hair-curly compare phantom:hair-curly:1500000 --resolution 128 --light dir:0.5,0.6,0.6 --size 256x256 --step 1 --repeats 3 --points 4000 --methods "dsm:epsilon=0.02,map=64,128,192,from=voxels,lines;osm:layers=32,map=64,128,192,from=voxels,lines;dom:layers=15,map=64,128,192,from=voxels,lines;bom:layers=15,map=64,128,192,from=voxels,lines;clusters:clusters=8,map=64,128,192,from=voxels,lines;fourier:terms=7,range=texel,map=64,128,192,from=voxels,lines;avsm:nodes=16,map=64,128,192,from=voxels,lines;moments:moments=6,map=64,128,192,from=voxels,lines"
 
@@ -101,7 +107,14 @@ done
 
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"
-archive benchmark/vtk benchmark --data . --cells "cloud-thin-front-front,cloud-dense-front-front,cloud-dense-lamp-front,foam-thin-side-close,foam-dense-side-front,engine-dense-side-front,vessels-dense-back-front" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
+vtk_cells=(cloud-{thin,dense}-front-front cloud-dense-lamp-front foam-thin-side-close foam-dense-side-front engine-dense-side-front vessels-dense-back-front)
+# Pictures by exact shadow rays have the errors of eye rays alone.
+for step in 1 0.5; do
+    is_chosen "benchmark/eye-rays-step-$step" || continue
+    [[ -e $work/cells ]] || umbravox benchmark --data "$work" --cells "$(IFS=,; echo "${vtk_cells[*]}")" --export "$work/cells"
+    archive "benchmark/eye-rays-step-$step" compare $(printf -- "--scene cells/%s/scene.toml " "${vtk_cells[@]}") --step "$step" --methods rays --repeats 1 --rays 50 --points 1000
+done
+archive benchmark/vtk benchmark --data . --cells "$(IFS=,; echo "${vtk_cells[*]}")" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
 ranked=rays,dsm,osm,dom,bom,clusters,fourier,wavelet,avsm,moments,beer,lightvolume,sat
 archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front" --methods rays,dsm,osm,dom,bom,clusters,fourier,avsm,moments,lightvolume
 # Settings that the searches of an earlier revision found are measured again; without --settings all are searched.

@@ -30,21 +30,39 @@ struct Reference {
 }
 
 impl Reference {
-    /// Renders the picture, with a shadow ray for each sample of an eye ray or for several together.
-    fn new(job: &Job, visible: &VisiblePointsByLight, each: bool) -> Result<Self> {
-        let rays = parse(if each { "rays:lookup=each" } else { "rays" })?;
-        let maps = job.session.shadows_of(rays.as_ref(), job.scene)?;
+    fn new(job: &Job, visible: &VisiblePointsByLight, light: LightOnEyeRays) -> Result<Self> {
+        let rays = parse(if light.each_sample { "rays:lookup=each" } else { "rays" })?;
+        let mut maps = job.session.shadows_of(rays.as_ref(), job.scene)?;
+        let rays_error = visible.errors(job.session, &maps)?.map_or(0.0, |stats| stats.max_abs);
+        if light.is_linear {
+            maps.iter_mut().for_each(|map| map.lookup = map.lookup.take().map(Lookup::with_linear_light));
+        }
         let picture = job.session.render(&maps, job.scene)?;
         let filtered = FilteredPicture::of(picture.pixels.view());
-        let rays_error = visible.errors(job.session, &maps)?.map_or(0.0, |stats| stats.max_abs);
         Ok(Self { picture, filtered, rays_error })
     }
 }
 
-/// Pictures of a scene by shadow rays, each rendered when it is first needed: one in which samples of an eye ray share
-/// queries for light (`lookup=shared`), and one in which they do not (`lookup=each`).
+/// Way in which a picture integrates light along its eye rays.
+#[derive(Clone, Copy, Default)]
+struct LightOnEyeRays {
+    /// Whether each sample of an eye ray has a query for light of its own (`lookup=each`).
+    each_sample: bool,
+    /// Whether the light between two queries is linear in both, as with random estimators.
+    is_linear: bool,
+}
+
+impl LightOnEyeRays {
+    fn of(shadows: &[ShadowMap]) -> Self {
+        let any = |is: fn(&Lookup) -> bool| shadows.iter().any(|map| map.lookup.as_ref().is_some_and(is));
+        Self { each_sample: any(Lookup::answers_each_sample), is_linear: any(Lookup::has_linear_light) }
+    }
+}
+
+/// Pictures of a scene by shadow rays, one for each way to integrate light along eye rays, rendered when it is first
+/// needed.
 #[derive(Default)]
-pub(super) struct ShadowReferences([Option<Result<Reference>>; 2]);
+pub(super) struct ShadowReferences([Option<Result<Reference>>; 4]);
 
 impl ShadowReferences {
     /// Measures a picture of the job's scene, which was rendered with the shadow maps of a method. `None` if there is no
@@ -60,8 +78,8 @@ impl ShadowReferences {
         progress: &mut Progress,
     ) -> Result<Option<ShadowError>> {
         progress.check("shadows in the picture")?;
-        let each = shadows.iter().any(|map| map.lookup.as_ref().is_some_and(Lookup::answers_each_sample));
-        let Ok(Reference { picture: exact, filtered, .. }) = self.get(job, visible, each) else {
+        let light = LightOnEyeRays::of(shadows);
+        let Ok(Reference { picture: exact, filtered, .. }) = self.get(job, visible, light) else {
             return Ok(None);
         };
         let exact = &exact.pixels;
@@ -77,11 +95,20 @@ impl ShadowReferences {
     /// # Errors
     /// The device cannot render it.
     pub fn picture_by_rays(&mut self, job: &Job, visible: &VisiblePointsByLight) -> Result<&Picture> {
-        self.get(job, visible, false).as_ref().map(|reference| &reference.picture).map_err(Clone::clone)
+        self.get(job, visible, LightOnEyeRays::default())
+            .as_ref()
+            .map(|reference| &reference.picture)
+            .map_err(Clone::clone)
     }
 
-    fn get(&mut self, job: &Job, visible: &VisiblePointsByLight, each: bool) -> &Result<Reference> {
-        self.0[usize::from(each)].get_or_insert_with(|| Reference::new(job, visible, each))
+    fn get(
+        &mut self,
+        job: &Job,
+        visible: &VisiblePointsByLight,
+        light: LightOnEyeRays,
+    ) -> &Result<Reference> {
+        let place = usize::from(light.each_sample) + 2 * usize::from(light.is_linear);
+        self.0[place].get_or_insert_with(|| Reference::new(job, visible, light))
     }
 
     /// Returns a note on the accuracy of the pictures by shadow rays, or on why there is none.

@@ -18,6 +18,9 @@ pub(super) fn steepest_mm(light_space: &LightSpace) -> f64 {
 /// WGSL module of random estimates of the transmittance of a shadow ray.
 pub(super) const RANDOM_RAYS: &str = "shadow/rays/random_rays.wgsl";
 
+/// Definition by which the light between two queries on an eye ray is linear in both. Without it, its logarithm is.
+const LINEAR_LIGHT: &str = "LINEAR_LIGHT";
+
 /// Shader code of a transmittance query: modules, definitions and constants that provide
 /// `umbravox::shadow::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -57,6 +60,17 @@ impl Lookup {
     #[must_use]
     pub fn with_lookup_mode(self, samples: Lookups) -> Self {
         self.defs((samples == Lookups::Each).then_some("LOOKUP_EACH"))
+    }
+
+    /// Makes pictures interpolate the light between two queries on a camera ray linearly, and not its logarithm.
+    #[must_use]
+    pub fn with_linear_light(self) -> Self {
+        self.defs([LINEAR_LIGHT])
+    }
+
+    /// Whether pictures interpolate the light between two queries on a camera ray linearly.
+    pub fn has_linear_light(&self) -> bool {
+        self.shader.defs.contains(&LINEAR_LIGHT)
     }
 
     /// Whether each sample of a camera ray has a transmittance query of its own.

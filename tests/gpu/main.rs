@@ -3,6 +3,7 @@
 //! Most tests share one device.
 
 mod attack;
+mod authors;
 mod blocks;
 mod bound;
 #[path = "../common/browser.rs"]

@@ -24,10 +24,9 @@ impl ShadowRays {
         };
         let shader: ShaderVariant = field_shader("")
             .modules(&[RANDOM_RAYS, estimate])
-            .defs(["LINEAR_LIGHT"])
             .constants(&[Constant::float("MAX_RAY_SAMPLES", MAX_RAY_SAMPLES as f32)]);
         let shader = shader.defs((self.estimator == Estimator::Jackknife).then_some("JACKKNIFE"));
-        Lookup::new(shader).with_lookup_mode(self.lookup)
+        Lookup::new(shader).with_linear_light().with_lookup_mode(self.lookup)
     }
 
     /// Builds the shadow data of the estimator: the control extinction and the majorant of each brick.
