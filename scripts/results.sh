@@ -37,7 +37,7 @@ archive() {
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
     rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
-    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells; do
+    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells {claims,stability}.{csv,md}; do
         [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
     done
     for file in "ranks_*.png" "*_scene.toml" "*_transfer_function.json"; do
@@ -48,7 +48,7 @@ archive() {
 
 light=(--light dir:0.5,-0.5,0.7071)
 
-papers="dsm:map=256,segments=transmittance,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
+papers="dsm:map=256,segments=transmittance,prefilter=5,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,layers=16,split=auto,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
 archive chest/table compare --scene chest.toml --repeats 7 --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;wavelet:map=256,rank=4;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;beer:map=256;lightvolume:scale=4,2;sat:boxes=16,64;halfangle;$papers"
 
 near="dsm:epsilon=0.005,map=128,256,near=0,2,4,8;dsm:epsilon=0.005,map=256,near=0,4,align=on;avsm:map=256,near=0,4;clusters:map=256,near=0,4;bom:map=256,near=0,4;osm:map=256,near=0,4;moments:map=256,near=0,4"
@@ -80,7 +80,7 @@ done
 # The error that pictures by shadow rays keep at small steps is that of eye rays: a picture of ambient light alone has it too.
 archive shadow-errors/step-0.0625 compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step 0.0625 --repeats 1 --methods "rays;rays:lookup=each"
 archive shadow-errors/ambient compare engine.nii.gz --tf engine.json "${light[@]}" --ambient 1 --size 256x256 --step 0.0625 --repeats 1 --methods none
-archive shadow-errors/flicker compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step 1 --flicker 64 --repeats 1 --rays 50 --points 4000 --methods "dsm:map=256,fit=view,volume;osm:map=256,fit=view,volume;bom:map=256,fit=view,volume;moments:map=256,fit=view,volume;lightvolume:scale=2"
+archive shadow-errors/flicker compare engine.nii.gz --tf engine.json "${light[@]}" --size 256x256 --step 1 --zoom 3 --flicker 64 --repeats 1 --rays 50 --points 4000 --methods "dsm:map=256,fit=view,volume;osm:map=256,fit=view,volume;bom:map=256,fit=view,volume;moments:map=256,fit=view,volume;lightvolume:scale=2"
 
 archive strands/hair-curly compare phantom:hair-curly:1500000 --resolution 128 --light dir:0.5,0.6,0.6 --size 256x256 --step 1 --repeats 3 --points 4000 --methods "dsm:epsilon=0.02,map=64,128,192,from=voxels,lines;osm:layers=32,map=64,128,192,from=voxels,lines;dom:layers=15,map=64,128,192,from=voxels,lines;bom:layers=15,map=64,128,192,from=voxels,lines;clusters:clusters=8,map=64,128,192,from=voxels,lines;fourier:terms=7,range=texel,map=64,128,192,from=voxels,lines;avsm:nodes=16,map=64,128,192,from=voxels,lines;moments:moments=6,map=64,128,192,from=voxels,lines"
 
@@ -105,14 +105,28 @@ for points in 20000 1000000; do
     archive "intervals/points-$points" compare "${scenes[@]}" "${light[@]}" --size 64x64 --points "$points" --rays 5 --depths 5 --repeats 1 --methods "none;rays:march=samples,step=2;dsm:map=64,128;osm:map=64,128;dom:map=64,128;bom:map=64,128;clusters:map=64,128;fourier:map=64,128;avsm:map=64,128;moments:map=64,128;lightvolume:scale=2,4"
 done
 
+archive claims/run claims
+archive stability/llvmpipe stability --adapter llvmpipe
+# A second compiler, where chromium is.
+swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
+[[ ! -e $swiftshader ]] || VK_DRIVER_FILES=$swiftshader archive stability/swiftshader stability
+
 # Needs a python3 with vtk, nibabel, numpy and OpenEXR.
 vtk="xvfb-run -a python3 external_vtk.py"
 vtk_cells=(cloud-{thin,dense}-front-front cloud-dense-lamp-front foam-thin-side-close foam-dense-side-front engine-dense-side-front vessels-dense-back-front)
-# Pictures by exact shadow rays have the errors of eye rays alone.
+# Pictures by exact shadow rays have the errors of eye rays alone. Their scenes are those of the archived cells.
+scenes=()
+for cell in "${vtk_cells[@]}"; do
+    python3 - "docs/results/benchmark/vtk/cells/$cell.json" "$work/$cell" <<'END'
+import json, sys
+cell, name = json.load(open(sys.argv[1])), sys.argv[2]
+open(f"{name}.json", "w").write(cell["transfer_function"])
+open(f"{name}.toml", "w").write(cell["scene"].replace("function.json", f"{cell['cell']}.json"))
+END
+    scenes+=(--scene "$cell.toml")
+done
 for step in 1 0.5; do
-    is_chosen "benchmark/eye-rays-step-$step" || continue
-    [[ -e $work/cells ]] || umbravox benchmark --data "$work" --cells "$(IFS=,; echo "${vtk_cells[*]}")" --export "$work/cells"
-    archive "benchmark/eye-rays-step-$step" compare $(printf -- "--scene cells/%s/scene.toml " "${vtk_cells[@]}") --step "$step" --methods rays --repeats 1 --rays 50 --points 1000
+    archive "benchmark/eye-rays-step-$step" compare "${scenes[@]}" --step "$step" --methods rays --repeats 1 --rays 50 --points 1000
 done
 archive benchmark/vtk benchmark --data . --cells "$(IFS=,; echo "${vtk_cells[*]}")" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
 ranked=rays,dsm,osm,dom,bom,clusters,fourier,wavelet,avsm,moments,beer,lightvolume,sat

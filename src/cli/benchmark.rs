@@ -62,7 +62,7 @@ pub struct BenchmarkArgs {
     #[arg(long, conflicts_with_all = ["list", "output"])]
     pub hashes: bool,
     /// Write volumes, scene files, visible points and exact transmittances of the selected cells to DIR and end
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["list", "output", "hashes"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["list", "output", "hashes", "methods", "budget", "settings", "external"])]
     pub export: Option<PathBuf>,
 }
 

@@ -31,7 +31,7 @@ columns! {
     /// Settings of the shadow method as `key=value` texts separated by spaces. Only settings that distinguish the row
     /// from the method's other rows are listed.
     params [""]: String,
-    /// Paper of the shadow method, in the row with the settings of that paper. Empty for other rows.
+    /// Paper of the shadow method, in the row with the settings that this paper states. Empty for other rows.
     published [""]: String,
     /// Number of texels per side of the shadow map.
     map ["texels"]: Option<u32>,

@@ -4,8 +4,8 @@ use super::rivals::{ABOVE, DEEP, even, slabs};
 use super::*;
 
 /// Transmittance behind three slabs at shares 0.1 to 0.9 of the depth, by the published shader functions of Münstermann et al.
-/// (2018) for 4, 6 and 8 power moments, evaluated in float64 with the bias and the overestimation of their paper. They got
-/// the moments of the slabs in closed form.
+/// (2018) for 4, 6 and 8 power moments, evaluated in float64 with the bias and the overestimation of their paper. The
+/// moments of the slabs are in closed form.
 const MOMENTS: [(u32, [f64; 9]); 3] = [
     (4, [0.92435, 0.80027, 0.67655, 0.47887, 0.38768, 0.33648, 0.28481, 0.22921, 0.12270]),
     (6, [0.96894, 0.80034, 0.53074, 0.43224, 0.38251, 0.33558, 0.27452, 0.20796, 0.11259]),

@@ -4,6 +4,8 @@
 //!
 //! - `<!-- table FILE...: COLUMN, COLUMN as HEADING, ... | LABEL; LABEL; ... -->` has a line for each row,
 //! - `<!-- pivot FILE...: COLUMN | LABEL; LABEL; ... -->` has one column of each file, with a line for each label,
+//! - `<!-- counts FILE...: COLUMN, COUNTED | VALUE; VALUE as HEADING; ... -->` counts the values of a column, with a line for
+//!   each value of the first column,
 //! - `<!-- coverage FILE REFERENCE -->` counts, for each scene, the intervals of `point_err_rms` in the first file that
 //!   contain its value in the second,
 //! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark, with 95 % intervals and mean ranks.
@@ -100,8 +102,10 @@ fn table(folder: &Path, instruction: &str) -> String {
         columns.split(", ").map(|c| c.split_once(" as ").unwrap_or((c, c))).collect();
     let all: Vec<Row> = files.split(' ').flat_map(|file| rows(&folder.join(file))).collect();
     let chosen = selected(&all, labels);
-    let is_text =
-        |column: &str| ["folder", "label", "setting", "method", "params", "cell", "budget"].contains(&column);
+    let is_text = |column: &str| {
+        ["folder", "scene", "label", "setting", "method", "params", "published", "cell", "budget"]
+            .contains(&column)
+    };
     let headings: Vec<(String, Align)> = columns
         .iter()
         .map(|(column, heading)| {
@@ -133,6 +137,27 @@ fn pivot(folder: &Path, instruction: &str) -> String {
     };
     let lines: Vec<Vec<String>> = labels.split("; ").map(line).collect();
     aligned_table(&headings, &lines)
+}
+
+/// Counts of the values of one column, by those of another.
+fn counts(folder: &Path, instruction: &str) -> String {
+    let (files, columns) = instruction.split_once(": ").expect("files and columns");
+    let (columns, values) = columns.split_once(" | ").expect("columns and values");
+    let (by, counted) = columns.split_once(", ").expect("two columns");
+    let values: Vec<(&str, &str)> =
+        values.split("; ").map(|v| v.split_once(" as ").unwrap_or((v, v))).collect();
+    let all: Vec<Row> = files.split(' ').flat_map(|file| rows(&folder.join(file))).collect();
+    let line = |name: &str| {
+        let own: Vec<&str> =
+            all.iter().filter(|row| value(row, by) == name).map(|row| value(row, counted)).collect();
+        let counts = values.iter().map(|(value, _)| own.iter().filter(|own| *own == value).count());
+        let counts: Vec<usize> = counts.collect();
+        assert_eq!(counts.iter().sum::<usize>(), own.len(), "{name}: a value of {counted} is not listed");
+        [name.to_owned()].into_iter().chain(counts.iter().map(usize::to_string)).collect()
+    };
+    let lines: Vec<Vec<String>> = all.iter().map(|row| value(row, by)).unique().map(line).collect();
+    let headings = values.iter().map(|(_, heading)| ((*heading).to_owned(), Align::Right));
+    aligned_table(&[(by.to_owned(), Align::Left)].into_iter().chain(headings).collect::<Vec<_>>(), &lines)
 }
 
 /// Counts of the intervals of `point_err_rms` that contain the value of the same row in a second file.
@@ -231,6 +256,7 @@ fn renewed(path: &Path, page: &str) -> String {
         let made = match instruction.split_once(' ').unwrap() {
             ("table", instruction) => table(folder, instruction),
             ("pivot", instruction) => pivot(folder, instruction),
+            ("counts", instruction) => counts(folder, instruction),
             ("coverage", files) => coverage(folder, files),
             ("ranking", file) => ranking(folder, file),
             (other, _) => panic!("{}: {other}", path.display()),

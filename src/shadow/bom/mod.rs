@@ -78,7 +78,7 @@ pub(super) static ENTRY: Entry = Entry {
     stability: "bom:map=64,near=0",
     published: Some(Published {
         paper: "Voicu 2011",
-        settings: "bom:depth_bits=32,bits=32,near=0,average=depth,lookup=each",
+        settings: "bom:layers=16,split=auto,depth_bits=32,bits=32,near=0,average=depth,lookup=each",
     }),
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
 };

@@ -73,7 +73,8 @@ fn an_archived_result_is_confirmed_but_for_a_changed_digit() {
     let table = fs::read_to_string(&path).unwrap();
     let mut reader = csv::Reader::from_reader(table.as_bytes());
     let column = reader.headers().unwrap().iter().position(|name| name == "point_err_rms").unwrap();
-    let error = reader.records().nth(1).unwrap().unwrap()[column].to_owned();
+    // Samples at four voxels: an error that is large beside the tolerance.
+    let error = reader.records().nth(4).unwrap().unwrap()[column].to_owned();
     // The first significant digit: on other adapters a value may differ by 2 %.
     let digit = error.find(|c| ('1'..='9').contains(&c)).unwrap();
     let other = if error[digit..].starts_with('7') { "2" } else { "7" };
@@ -81,6 +82,6 @@ fn an_archived_result_is_confirmed_but_for_a_changed_digit() {
     fs::write(&path, table.replacen(&error, &changed, 1)).unwrap();
     let refuted = umbravox(dir.path(), &["verify", "."]);
     let said = String::from_utf8(refuted.stderr).unwrap();
-    assert!(refuted.status.code() == Some(1) && said.contains("1 of"), "{said}");
+    assert!(refuted.status.code() == Some(1) && said.contains(": 1 of "), "{said}");
     assert!(said.contains("point_err_rms") && said.contains(&changed), "{said}");
 }

@@ -20,6 +20,24 @@ const TINY: [&str; 13] = [
     "none;rays;dsm:map=64,epsilon=0.06,0.02;dsm:map=64,prefilter=5",
 ];
 
+/// Random estimators interpolate light along eye rays in another way than `rays`, which is no error of the shadows.
+#[test]
+fn shadow_errors_of_random_rays_have_no_error_of_eye_rays() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let method = "rays:estimator=jackknife,samples=128";
+    let scene =
+        ["compare", "phantom:cloud:32", "--tf=tf.json", "--size=32x32", "--step=1", "--methods", method];
+    let effort = ["--points=300", "--rays=5", "--depths=5", "--repeats=1", "-o", "out"];
+    run(dir.path(), &[&scene[..], &effort].concat());
+    let row = &read_csv(&dir.path().join("out/compare.csv"))[0];
+    let [shadow, image, point] =
+        ["shadow_rmse", "image_rmse", "point_err_rms"].map(|column| row[column].parse::<f64>().unwrap());
+    assert!(point < 5e-3 && shadow < 2.0 * point && image > 5.0 * shadow, "{shadow} {image} {point}");
+}
+
 #[test]
 fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     if !common::has_adapter() {
