@@ -37,7 +37,7 @@ archive() {
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
     rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
-    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells {claims,stability}.{csv,md}; do
+    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells claims.{csv,md} stability.csv; do
         [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
     done
     for file in "ranks_*.png" "*_scene.toml" "*_transfer_function.json"; do
@@ -48,7 +48,7 @@ archive() {
 
 light=(--light dir:0.5,-0.5,0.7071)
 
-papers="dsm:map=256,segments=transmittance,prefilter=5,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,layers=16,split=auto,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
+papers="dsm:map=256,segments=transmittance,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,layers=16,split=auto,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
 archive chest/table compare --scene chest.toml --repeats 7 --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;wavelet:map=256,rank=4;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;beer:map=256;lightvolume:scale=4,2;sat:boxes=16,64;halfangle;$papers"
 
 near="dsm:epsilon=0.005,map=128,256,near=0,2,4,8;dsm:epsilon=0.005,map=256,near=0,4,align=on;avsm:map=256,near=0,4;clusters:map=256,near=0,4;bom:map=256,near=0,4;osm:map=256,near=0,4;moments:map=256,near=0,4"

@@ -214,7 +214,7 @@ pub(super) static ENTRY: Entry = Entry {
     stability: "dsm:map=64,enclose=on",
     published: Some(Published {
         paper: "Hadwiger et al. 2006",
-        settings: "dsm:segments=transmittance,prefilter=5,march=samples,filter=nearest,near=0,lookup=each",
+        settings: "dsm:segments=transmittance,march=samples,filter=nearest,near=0,lookup=each",
     }),
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
 };
