@@ -21,7 +21,8 @@ fn moments_give_the_transmittance_of_the_authors_shaders() {
         let depth = |tenth: usize| (1.0 - tenth as f64 / 10.0) * DEEP as f64 - 0.5;
         let points: Vec<_> = (1..10).map(|tenth| DVec3::new(7.5, 7.5, depth(tenth))).collect();
         for (got, expected) in setup.query(&map, &points).into_iter().zip(expected) {
-            assert!((f64::from(got) - expected).abs() < 1e-4, "{moments} moments: {got}, {expected}");
+            let rounding = if moments == 8 { 1e-3 } else { 5e-5 };
+            assert!((f64::from(got) - expected).abs() < rounding, "{moments} moments: {got}, {expected}");
         }
     }
 }
