@@ -103,12 +103,15 @@ fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbImage)>> {
     Ok(panels)
 }
 
-/// Time and error of every row of a table, by method.
+/// Time and error of every row of a table, by method, without the rows of papers.
 fn points(table: &Path) -> umbravox::Result<BTreeMap<String, Vec<[f64; 2]>>> {
     let mut reader = csv::Reader::from_path(table).map_err(|e| failed(table.display(), &e))?;
     let mut points: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
     for row in reader.deserialize::<BTreeMap<String, String>>() {
         let row = row.map_err(|e| failed(table.display(), &e))?;
+        if row.get("published").is_some_and(|paper| !paper.is_empty()) {
+            continue;
+        }
         let number = |column: &str| row.get(column).and_then(|v| v.parse::<f64>().ok());
         if let (Some(build), Some(frame), Some(error)) =
             (number("build_ms"), number("frame_ms"), number("point_err_rms"))
@@ -169,15 +172,15 @@ fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) ->
     }
     // Names in the order of their last points, one line height apart.
     names.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let apart = 1.05 * size;
+    let (apart, letters, bottom) = (0.88 * size, 0.85 * size, to[1] + 1.6 * size);
     for i in 0..names.len() {
-        let lowest = to[1] - (names.len() - 1 - i) as f64 * apart;
+        let lowest = bottom - (names.len() - 1 - i) as f64 * apart;
         let above = if i == 0 { from[1] - size } else { names[i - 1].0 + apart };
         names[i].0 = names[i].0.min(lowest).max(above);
     }
     for (at, Point(last_x, last_y), method, color) in names {
         strip.line(&[Point(last_x + 0.35 * size, last_y), Point(to[0] + 0.4 * size, at)], 0.7, color);
-        text(strip, [to[0] + 0.6 * size, at], size, color, method);
+        text(strip, [to[0] + 0.6 * size, at], letters, color, method);
     }
     Ok(())
 }
