@@ -117,6 +117,7 @@ vtk_cells=(cloud-{thin,dense}-front-front cloud-dense-lamp-front foam-thin-side-
 # Pictures by exact shadow rays have the errors of eye rays alone. Their scenes are those of the archived cells.
 scenes=()
 for cell in "${vtk_cells[@]}"; do
+    is_chosen benchmark/eye-rays-step-1 || is_chosen benchmark/eye-rays-step-0.5 || break
     python3 - "docs/results/benchmark/vtk/cells/$cell.json" "$work/$cell" <<'END'
 import json, sys
 cell, name = json.load(open(sys.argv[1])), sys.argv[2]
