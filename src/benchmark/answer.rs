@@ -127,6 +127,9 @@ pub struct CellResult {
     pub exact_hash: String,
     /// Revision of the program that measured the cell.
     pub revision: String,
+    /// Time that the cell took with all searches, s; `None` in results of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elapsed_s: Option<f64>,
     /// Text of the scene file of the cell. Its transfer function is `transfer_function`.
     pub scene: String,
     /// Text of the transfer function of the cell, JSON.
@@ -137,6 +140,12 @@ pub struct CellResult {
 }
 
 impl CellResult {
+    /// Returns the name of the light and that of the view, which end the name of the cell.
+    pub fn light_and_view(&self) -> (&str, &str) {
+        let (rest, view) = self.cell.rsplit_once('-').unwrap_or_default();
+        (rest.rsplit_once('-').map_or("", |(_, light)| light), view)
+    }
+
     /// Returns the answer of a method within a budget.
     pub fn answer(&self, method: &str, budget: &Budget) -> Option<&Answer> {
         let budget = budget.to_string();

@@ -109,6 +109,7 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
             "\nIn {unexpected} of {cells} cells the hash of the exact transmittances is not the one that the benchmark expects.\n"
         );
     }
+    page += &elapsed(results);
     page += &format!(
         "\nErrors below {floor}, which is float32 rounding, count as {floor}. A tie counts for each tied method.\n",
         floor = significant(FLOAT32_ERROR, 1)
@@ -125,13 +126,32 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
             None => String::new(),
         };
         page += &format!("\n![mean ranks]({}.png)\n", plot_stem(ranking));
-        page += "\nCells won, by volume and by transfer function:\n\n";
-        page += &won_by(results, ranking, |result| &result.volume);
-        page += "\n";
-        page += &won_by(results, ranking, |result| &result.function);
+        page += "\nCells won, by volume, by transfer function, by light and by view:\n";
+        let keys: [Key; 4] = [
+            |cell| &cell.volume,
+            |cell| &cell.function,
+            |cell| cell.light_and_view().0,
+            |cell| cell.light_and_view().1,
+        ];
+        for key in keys {
+            page += "\n";
+            page += &won_by(results, ranking, key);
+        }
     }
     page
 }
+
+/// Returns the sentence about the time that all cells took; nothing where a result does not tell it.
+fn elapsed(results: &[CellResult]) -> String {
+    let seconds: Option<Vec<f64>> = results.iter().map(|result| result.elapsed_s).collect();
+    let Some(seconds) = seconds.filter(|seconds| !seconds.is_empty()) else { return String::new() };
+    let longest = seconds.iter().copied().fold(0.0, f64::max);
+    let hours = significant(seconds.iter().sum::<f64>() / 3600.0, 2);
+    format!("\nMeasuring took {hours} hours; the longest cell {} s.\n", significant(longest, 3))
+}
+
+/// Function that returns what cells are counted by.
+type Key = fn(&CellResult) -> &str;
 
 /// Returns the table of all methods within one budget.
 fn shares(ranking: &Ranking) -> String {
@@ -163,16 +183,15 @@ fn shares(ranking: &Ranking) -> String {
 }
 
 /// Returns a table with the number of cells that each method wins, for each value of a key of the cells.
-fn won_by(results: &[CellResult], ranking: &Ranking, key: impl Fn(&CellResult) -> &String) -> String {
-    let values: Vec<&String> = results.iter().map(&key).unique().collect();
-    let of_cells: Vec<(&String, Vec<&str>)> =
+fn won_by(results: &[CellResult], ranking: &Ranking, key: Key) -> String {
+    let values: Vec<&str> = results.iter().map(key).unique().collect();
+    let of_cells: Vec<(&str, Vec<&str>)> =
         results.iter().map(|result| (key(result), winners(result, &ranking.budget))).collect();
     let mut headings = vec![("method".to_owned(), Align::Left)];
-    headings.extend(values.iter().map(|value| ((*value).clone(), Align::Right)));
+    headings.extend(values.iter().map(|value| ((*value).to_owned(), Align::Right)));
     let row = |rank: &Rank| {
-        let count = |value: &&String| {
-            let is_own =
-                |(of, winners): &&(&String, Vec<&str>)| of == value && winners.contains(&&*rank.method);
+        let count = |value: &&str| {
+            let is_own = |(of, winners): &&(&str, Vec<&str>)| of == value && winners.contains(&&*rank.method);
             of_cells.iter().filter(is_own).count().to_string()
         };
         [vec![format!("`{}`", rank.method)], values.iter().map(count).collect()].concat()
@@ -193,8 +212,10 @@ mod tests {
             ..Answer::default()
         };
         let cell = |function: &str, errors: [f64; 2]| CellResult {
+            cell: format!("a-{function}-back-close"),
             volume: "a".into(),
             function: function.into(),
+            elapsed_s: Some(1800.0),
             answers: ["x", "y"].into_iter().zip(errors).map(answer).collect(),
             ..CellResult::default()
         };
@@ -204,6 +225,14 @@ mod tests {
         let table = won_by(&results, &ranking, |result| &result.function);
         let rows = table.lines().map(|line| line.replace(' ', "")).collect_vec();
         assert_eq!(rows[2..], ["|`x`|2|1|", "|`y`|1|1|"]);
-        assert!(page(&results, &[ranking], "").contains("Errors below 1e-6,"));
+        let page = page(&results, &[ranking], "");
+        for part in [
+            "Errors below 1e-6,",
+            "Measuring took 1.5 hours; the longest cell 1800 s.",
+            "| back |",
+            "| close |",
+        ] {
+            assert!(page.contains(part), "{part}: {page}");
+        }
     }
 }

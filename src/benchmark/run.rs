@@ -23,6 +23,7 @@ use crate::volume::Volume;
 use itertools::Itertools as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Function that is called with a description of each step of a benchmark run, and may end the run.
 pub type Watch<'a> = &'a mut dyn FnMut(&str) -> Result<()>;
@@ -88,13 +89,15 @@ impl Run<'_> {
         for cell in self.cells {
             for cell in self.needed(cell, &all, folder)? {
                 watch(&cell.name)?;
+                let begun = Instant::now();
                 let subject = self.subject(cell, &mut subject)?;
                 let loaded = self.load(cell, subject)?;
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
                 let source = self.settings_source(cell, &all, folder)?;
                 let open = || open(&loaded, renderer);
-                let result =
+                let mut result =
                     self.measure_cell(cell, (&loaded, &subject.settings), (session, &open), &source, watch)?;
+                result.elapsed_s = Some(begun.elapsed().as_secs_f64());
                 folder.record(cell, &result)?;
             }
         }
@@ -219,6 +222,7 @@ impl Run<'_> {
             points: cell_job.visible().len(),
             exact_hash: cell_job.hash.clone(),
             revision: REVISION.into(),
+            elapsed_s: None,
             scene: scene_text(loaded, spec, settings.sha256.clone(), &loaded.scene, &cell.name)?,
             transfer_function: loaded.tf.to_json(),
             answers,
