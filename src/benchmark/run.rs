@@ -18,7 +18,7 @@ use crate::open::{Loaded, SceneSettings, VolumeSpec};
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::report::verify::Verified;
 use crate::scene::Scene;
-use crate::shadow::Entry;
+use crate::shadow::{Entry, parse};
 use crate::volume::Volume;
 use itertools::Itertools as _;
 use std::path::{Path, PathBuf};
@@ -94,7 +94,7 @@ impl Run<'_> {
                 let loaded = self.load(cell, subject)?;
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
                 let source = self.settings_source(cell, &all, folder)?;
-                let open = || open(&loaded, renderer);
+                let open = |in_sections| open(&loaded, renderer, in_sections);
                 let mut result =
                     self.measure_cell(cell, (&loaded, &subject.settings), (session, &open), &source, watch)?;
                 result.elapsed_s = Some(begun.elapsed().as_secs_f64());
@@ -175,7 +175,7 @@ impl Run<'_> {
         &self,
         cell: &Cell,
         (loaded, settings): (&Loaded, &SceneSettings),
-        (session, open): (&Session, &dyn Fn() -> Result<Session>),
+        (session, open): (&Session, &dyn Fn(bool) -> Result<Session>),
         source: &Source<CellResult>,
         watch: Watch,
     ) -> Result<CellResult> {
@@ -201,7 +201,8 @@ impl Run<'_> {
         for entry in self.methods {
             watch(&format!("{}: {}", cell.name, entry.name))?;
             // Under a light with a size a search builds thousands of maps.
-            let own = cell.is_soft.then(open).transpose()?;
+            let in_sections = parse(entry.name)?.lookup().is_some_and(|lookup| lookup.has_sections());
+            let own = (cell.is_soft || in_sections).then(|| open(in_sections)).transpose()?;
             let job = own.as_ref().map(|session| cell_job.on(session));
             let recorded =
                 recorded.as_ref().filter(|r| r.cell().is_some_and(|r| r.has(entry.name, self.budgets)));
@@ -309,9 +310,11 @@ impl Run<'_> {
 
 /// Opens a session with a volume and transfer function, with its own device on the adapter of `renderer`: with Mesa's
 /// lavapipe, memory grows by up to a megabyte for each shadow map that is built, until the device is closed.
-fn open(loaded: &Loaded, renderer: &Renderer) -> Result<Session> {
-    let own = Arc::new(Renderer::new(Gpu::open(Some(&renderer.gpu().info.name))?));
-    Session::on(&own, Arc::clone(&loaded.volume), &loaded.tf, DisabledOptimizations::default())
+fn open(loaded: &Loaded, renderer: &Renderer, in_sections: bool) -> Result<Session> {
+    let gpu = Gpu::open(Some(&renderer.gpu().info.name))?;
+    // A picture in sections has hundreds of passes, and llvmpipe keeps a copy of the shader of each, with its uniforms.
+    let own = if in_sections { Renderer::live(gpu, f64::INFINITY) } else { Renderer::new(gpu) };
+    Session::on(&Arc::new(own), Arc::clone(&loaded.volume), &loaded.tf, DisabledOptimizations::default())
 }
 
 /// Returns the session of a cell's volume and transfer function; opens it unless it is that of the cell before.
@@ -324,7 +327,7 @@ fn session<'a>(
     if known.as_ref().is_none_or(|on_device| !on_device.cell.is_beside(cell)) {
         // The device may not hold two volumes.
         *known = None;
-        *known = Some(OnDevice { cell: cell.clone(), session: open(loaded, renderer)? });
+        *known = Some(OnDevice { cell: cell.clone(), session: open(loaded, renderer, false)? });
     }
     // It was set above.
     let unknown = || Error::runtime("cannot use device", &cell.name, "no session");
