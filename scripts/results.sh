@@ -105,6 +105,37 @@ for points in 20000 1000000; do
     archive "intervals/points-$points" compare "${scenes[@]}" "${light[@]}" --size 64x64 --points "$points" --rays 5 --depths 5 --repeats 1 --methods "none;rays:march=samples,step=2;dsm:map=64,128;osm:map=64,128;dom:map=64,128;bom:map=64,128;clusters:map=64,128;fourier:map=64,128;avsm:map=64,128;moments:map=64,128;lightvolume:scale=2,4"
 done
 
+# The error bound on all light rays of a map, and at points between them.
+scenes=()
+while read -r volume file ramp_start ramp_end step; do
+    echo "{\"name\": \"ramp\", \"points\": [{\"value\": $ramp_start, \"opacity\": 0}, {\"value\": $ramp_end, \"opacity\": 0.6}]}" >"$work/$volume-ramp.json"
+    echo "{\"name\": \"step\", \"points\": [{\"value\": $step, \"extinction\": 0}, {\"value\": $step, \"extinction\": 1}]}" >"$work/$volume-step.json"
+    for function in "$volume-ramp.json" "$volume-step.json" isosurface; do
+        scene=$volume-$(basename "${function#"$volume-"}" .json)
+        printf 'name = "%s"\nvolume = "%s"\ntf = "%s"\n' "$scene" "$file" "$function" >"$work/$scene.toml"
+        scenes+=(--scene "$scene.toml")
+    done
+done <<'END'
+engine engine.nii.gz 60 120 100
+vessels CT_AVM.nii.gz 150 400 250
+head CT_pitch.nii.gz 60 180 120
+END
+archive error-bound/texels compare "${scenes[@]}" "${light[@]}" --methods "dsm:map=192,epsilon=0.06,0.02,0.005" --check all --depths 40 --size 64x48 --points 1000 --repeats 1
+scenes=()
+while read -r scene volume function; do
+    printf 'name = "%s"\nvolume = "%s"\ntf = "%s"\n' "$scene" "$volume" "$function" >"$work/$scene.toml"
+    scenes+=(--scene "$scene.toml")
+done <<'END'
+engine-ct engine.nii.gz ct
+engine-isosurface engine.nii.gz isosurface
+vessels CT_AVM.nii.gz vessels
+vessels-isosurface CT_AVM.nii.gz isosurface
+head CT_pitch.nii.gz ct
+thorax phantom:thorax:128 ct
+hair phantom:hair-curly hair
+END
+archive error-bound/points compare "${scenes[@]}" "${light[@]}" --methods "dsm:fit=volume,epsilon=0.005,map=256,enclose=on;rays" --check points --size 64x48 --points 1000 --repeats 1
+
 archive claims/run claims
 archive stability/llvmpipe stability --adapter llvmpipe
 # A second compiler, where chromium is.
