@@ -1,7 +1,6 @@
 //! Rendering session: a volume on the graphics device, with transfer-function tables and shadow maps that are reused
 //! from one picture to the next.
 
-use super::invalidation::{Change, Stage};
 use super::shadow_cache::{Building, MapCoverage, MapSource, ShadowCache, Work};
 use crate::error::{Error, Result};
 use crate::field::{DeferredPasses, LoadedVolume, PageStream, PageUsage};
@@ -9,7 +8,7 @@ use crate::render::{DeviceTransfer, DisabledOptimizations, Picture, Renderer};
 use crate::scene::Scene;
 use crate::shadow::{Method, ShadowMap, mapped_lights};
 use crate::strands::VoxelisedStrands;
-use crate::transfer::TransferFunction;
+use crate::transfer::{TransferChange, TransferFunction};
 use crate::volume::Volume;
 use std::sync::Arc;
 
@@ -147,36 +146,39 @@ impl CachedSession {
     }
 
     /// Sets the session's transfer function, updates its lookup tables, and removes shadow maps that are no longer
-    /// valid. Returns the kind of edit; `None` if the transfer function is the same.
+    /// valid. Returns the effect of the edit on the volume.
     ///
     /// # Errors
     /// A transfer function that cannot be rendered, or a device out of memory. The previous tables stay.
-    pub fn set_transfer(&mut self, tf: &TransferFunction, work: &mut Work) -> Result<Option<Change>> {
-        let Some(loaded) = &self.loaded else { return Ok(None) };
+    pub fn set_transfer(&mut self, tf: &TransferFunction, work: &mut Work) -> Result<TransferChange> {
+        let Some(loaded) = &self.loaded else { return Ok(TransferChange::Nothing) };
         let change = match &self.transfer {
-            Some((before, _)) if before == tf => return Ok(None),
-            Some((before, tables)) => Change::between_functions((before, tables), tf, loaded),
-            None => Change::Opacity,
+            Some((before, _)) if before == tf => return Ok(TransferChange::Nothing),
+            Some((before, tables)) => {
+                // Integrals are linear inside a table's bin: an edit affects values one bin away.
+                let bin = tables.value_bin();
+                let occurs =
+                    |[low, high]: [f64; 2]| loaded.volume.bricks().have_values(low - bin, high + bin);
+                TransferChange::between(before, tf, occurs)
+            }
+            None => TransferChange::Extinction,
         };
-        let tables = match &self.transfer {
-            Some((_, before)) if change.invalidates(Stage::Colors) => {
-                Some(self.renderer.recolor(loaded, before, tf)?)
-            }
-            _ if change.invalidates(Stage::Tables) => {
-                Some(self.renderer.transfer(loaded, tf, self.forced)?)
-            }
+        let tables = match (&self.transfer, change) {
             // Keeps the old function: later edits are compared with the function of the tables.
-            _ => None,
+            (_, TransferChange::Nothing) => None,
+            (Some((_, before)), TransferChange::Color) => Some(self.renderer.recolor(loaded, before, tf)?),
+            _ => Some(self.renderer.transfer(loaded, tf, self.forced)?),
         };
+        let is_new_extinction = change == TransferChange::Extinction;
         if let Some(tables) = tables {
             work.table_ms = Some(tables.table_ms);
-            work.classify_ms = change.invalidates(Stage::Tables).then_some(tables.classify_ms);
+            work.classify_ms = is_new_extinction.then_some(tables.classify_ms);
             self.transfer = Some((tf.clone(), tables));
         }
-        if change.invalidates(Stage::Shadows) {
+        if is_new_extinction {
             self.shadows.clear();
         }
-        Ok(Some(change))
+        Ok(change)
     }
 
     /// Number of shadow maps that [`Self::prepare`] would have to build for a picture of a scene, because the cache
@@ -184,13 +186,6 @@ impl CachedSession {
     pub fn missing(&self, method: &dyn Method, scene: &Scene) -> usize {
         let missing = |source| self.shadows.missing(source, method, scene);
         self.source().map_or_else(|| mapped_lights(method, scene).len(), missing)
-    }
-
-    /// Returns [`Change::View`] if the cache has a shadow map of the method for every light, but one does not cover
-    /// the visible region.
-    pub fn change_of_view(&self, method: &dyn Method, scene: &Scene) -> Option<Change> {
-        let is_outgrown = self.shadows.is_outgrown(self.source()?, method, scene);
-        is_outgrown.then_some(Change::View)
     }
 
     /// Prepares a picture or a query for transmittance: builds the shadow maps that are not in the cache.

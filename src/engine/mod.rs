@@ -4,7 +4,6 @@
 
 mod cached_session;
 mod heat_map;
-mod invalidation;
 mod jobs;
 pub(crate) mod mailbox;
 pub(crate) mod messages;
@@ -19,7 +18,6 @@ mod shadow_cache;
 pub mod task;
 
 pub use cached_session::{CachedSession, Prepared, ResidentPages};
-pub use invalidation::{Change, INVALIDATES, Stage};
 pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;
 pub use rotation::{RotatedScene, Rotation};

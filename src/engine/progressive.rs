@@ -1,7 +1,6 @@
 //! Progressive rendering: a coarse picture at once during interaction, and full quality when the user's input pauses.
 
 use super::cached_session::{CachedSession, DevicePages};
-use super::invalidation::Stage;
 use super::mailbox::{EventSender, Mailbox};
 use super::messages::{Event, Frame, FrameRequest, FrameSettings, MethodFrame};
 use super::quality::{Quality, Speeds};
@@ -14,6 +13,7 @@ use crate::gpu::Gpu;
 use crate::render::{DisabledOptimizations, DisplayTexture, LightMaps, Renderer, Screen};
 use crate::scene::Scene;
 use crate::shadow::{Bound, BuildReport, MethodSpec};
+use crate::transfer::TransferChange;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -81,7 +81,7 @@ impl ProgressiveRenderer {
         let settings = &request.settings;
         let mut work = Work::default();
         let change = self.session.set_transfer(&settings.tf, &mut work)?;
-        if change.is_some_and(|c| c.invalidates(Stage::Frame)) {
+        if change != TransferChange::Nothing {
             self.shown = None;
         }
         let full = Quality::full(settings);

@@ -179,17 +179,6 @@ impl ShadowCache {
         }
     }
 
-    /// Whether the cache has a shadow map of the method for every light, but one of them does not cover the visible
-    /// region.
-    pub fn is_outgrown(&self, source: MapSource<'_>, method: &dyn Method, scene: &Scene) -> bool {
-        let method_key = method_key(method);
-        let is_map = |map: &CachedMap, light: &LightSource| {
-            map.light == *light && map.method == method_key && map.deferred.is_none()
-        };
-        let exists = |light: &LightSource| self.maps.iter().any(|map| is_map(map, light));
-        lights_of(method, scene).iter().all(exists) && self.missing(source, method, scene) > 0
-    }
-
     fn find(&self, source: MapSource<'_>, acceptable: &Acceptable, light: &LightSource) -> Option<usize> {
         let Acceptable { requested, effective, view, .. } = acceptable;
         self.maps.iter().rposition(|map| {

@@ -1,10 +1,44 @@
-//! Stages that each edit invalidates, and the reuse of tables and shadow maps.
+//! Stages that run after each edit, and the reuse of tables and shadow maps.
 
 use super::*;
-use umbravox::engine::{
-    CachedSession, Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work,
-};
+use umbravox::engine::{CachedSession, MapCoverage, ReusePolicy, ShadowCache, Work};
 use umbravox::scene::{Camera, LightSource};
+
+/// Edit of a scene between two pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Edit {
+    Volume,
+    Opacity,
+    UnusedValues,
+    Color,
+    Light,
+    Method,
+    Camera,
+    View,
+    Picture,
+}
+
+/// Stage that runs before the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Upload,
+    Tables,
+    Colors,
+    Shadows,
+}
+
+/// Stages that each edit makes necessary.
+const NECESSARY: [(Edit, &[Stage]); 9] = [
+    (Edit::Volume, &[Stage::Upload, Stage::Tables, Stage::Shadows]),
+    (Edit::Opacity, &[Stage::Tables, Stage::Shadows]),
+    (Edit::UnusedValues, &[]),
+    (Edit::Color, &[Stage::Colors]),
+    (Edit::Light, &[Stage::Shadows]),
+    (Edit::Method, &[Stage::Shadows]),
+    (Edit::Camera, &[]),
+    (Edit::View, &[Stage::Shadows]),
+    (Edit::Picture, &[]),
+];
 
 /// State of a scene that is edited.
 #[derive(Clone)]
@@ -23,11 +57,10 @@ impl State {
     }
 }
 
-/// Renderer session under test, with the last state shown.
+/// Renderer session under test.
 struct Session {
     cached: CachedSession,
     volume: Arc<Volume>,
-    shown: Option<State>,
 }
 
 impl Session {
@@ -41,33 +74,24 @@ impl Session {
         let cache = ShadowCache::new(ShadowCache::INTERACTIVE, reuse);
         let mut cached = CachedSession::new(Arc::clone(renderer), DisabledOptimizations::NONE, cache);
         cached.load(Arc::clone(volume), None).unwrap();
-        Some(Self { cached, volume: Arc::clone(volume), shown: None })
+        Some(Self { cached, volume: Arc::clone(volume) })
     }
 
-    /// Shows a state, and returns the changes, the stages that ran, and the picture if it is new.
-    fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
-        let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
+    /// Draws a state, and returns the stages that ran, and the picture.
+    fn show(&mut self, state: &State) -> (Vec<Stage>, Array3<f32>) {
+        let (mut work, mut made) = (Work::default(), Vec::new());
         if !Arc::ptr_eq(&self.volume, &state.volume) {
             *self = Self::open(&state.volume).unwrap();
-            changes.push(Change::Volume);
             made.push(Stage::Upload);
         }
-        let change = self.cached.set_transfer(&state.tf, &mut work).unwrap();
-        if let Some(shown) = &self.shown {
-            changes.extend(change);
-            changes.extend(Change::between_scenes(&shown.scene, &state.scene));
-            changes.extend((shown.method != state.method).then_some(Change::Method));
-        }
+        self.cached.set_transfer(&state.tf, &mut work).unwrap();
         made.extend(work.classify_ms.map(|_| Stage::Tables));
         made.extend(work.table_ms.filter(|_| work.classify_ms.is_none()).map(|_| Stage::Colors));
         let method = shadow::parse(state.method).unwrap();
-        changes.extend(self.cached.change_of_view(method.as_ref(), &state.scene));
         let extent = (&state.scene, MapCoverage::Picture);
-        let stale = self.shown.is_none() || changes.iter().any(|c| c.invalidates(Stage::Frame));
-        self.shown = Some(state.clone());
         let prepared = self.cached.prepare(method.as_ref(), extent, &mut work).unwrap();
         made.extend(work.build_ms.map(|_| Stage::Shadows));
-        (changes, made, stale.then(|| prepared.render(&state.scene).unwrap().pixels))
+        (made, prepared.render(&state.scene).unwrap().pixels)
     }
 }
 
@@ -76,29 +100,29 @@ fn ramp() -> TransferFunction {
     opacity(&[(200.0, 0.0), (900.0, 0.3), (5000.0, 0.4), (6000.0, 0.8), (7000.0, 0.8)])
 }
 
-/// Edits a scene state by a given kind of change.
-fn edit(state: &mut State, change: Change) {
-    match change {
-        Change::Volume => state.volume = phantom("step:24"),
-        Change::Opacity => state.tf.points[1].amount = 0.2,
-        Change::UnusedValues => {
+/// Applies an edit to a state.
+fn apply(state: &mut State, edit: Edit) {
+    match edit {
+        Edit::Volume => state.volume = phantom("step:24"),
+        Edit::Opacity => state.tf.points[1].amount = 0.2,
+        Edit::UnusedValues => {
             state.tf.points[3].amount = 0.1;
             state.tf.points[4].color = [0.0, 1.0, 0.0];
         }
-        Change::Color => state.tf.points[1].color = [1.0, 0.0, 0.0],
-        Change::Light => {
+        Edit::Color => state.tf.points[1].color = [1.0, 0.0, 0.0],
+        Edit::Light => {
             state.scene.lights = vec![Light::Directional { toward: DVec3::new(-0.3, 0.9, 0.1) }.into()]
         }
-        Change::Method => state.method = "dsm:map=64,epsilon=0.3",
-        Change::Camera => state.scene.camera.eye += DVec3::new(3.0, -5.0, 2.0),
-        Change::View => state.scene.camera.fov_deg = 5.0,
-        Change::Picture => state.scene.background = [0.3, 0.1, 0.2],
+        Edit::Method => state.method = "dsm:map=64,epsilon=0.3",
+        Edit::Camera => state.scene.camera.eye += DVec3::new(3.0, -5.0, 2.0),
+        Edit::View => state.scene.camera.fov_deg = 5.0,
+        Edit::Picture => state.scene.background = [0.3, 0.1, 0.2],
     }
 }
 
 #[track_caller]
 fn same_as_from_nothing(state: &State, shown: &Array3<f32>, what: &str) {
-    let scratch = Session::open(&state.volume).unwrap().show(state).2.unwrap();
+    let (_, scratch) = Session::open(&state.volume).unwrap().show(state);
     let off = largest_difference(shown, &scratch);
     assert!(off <= tolerance::FORCED, "{what}: {off:e}");
 }
@@ -106,19 +130,15 @@ fn same_as_from_nothing(state: &State, shown: &Array3<f32>, what: &str) {
 #[test]
 fn every_row_of_the_table() {
     let start = State::first();
-    for (change, stages) in INVALIDATES {
+    for (edit, stages) in NECESSARY {
         let Some(mut session) = Session::open(&start.volume) else { return };
-        let first = session.show(&start).2;
+        let (_, first) = session.show(&start);
         let mut state = start.clone();
-        edit(&mut state, change);
-        let (changes, made, picture) = session.show(&state);
-        // The view changes with the camera.
-        let camera = (change == Change::View).then_some(Change::Camera);
-        assert_eq!(changes, camera.into_iter().chain([change]).collect::<Vec<_>>());
-        let expected: Vec<Stage> = stages.iter().copied().filter(|s| *s != Stage::Frame).collect();
-        assert_eq!(made, expected, "{change:?}");
-        assert_eq!(picture.is_some(), stages.contains(&Stage::Frame), "{change:?}");
-        same_as_from_nothing(&state, &picture.or(first).unwrap(), &format!("{change:?}"));
+        apply(&mut state, edit);
+        let (made, picture) = session.show(&state);
+        assert_eq!(made, stages, "{edit:?}");
+        assert_eq!(picture == first, edit == Edit::UnusedValues, "{edit:?}");
+        same_as_from_nothing(&state, &picture, &format!("{edit:?}"));
     }
 }
 
@@ -126,8 +146,8 @@ fn every_row_of_the_table() {
 fn nothing_changes_nothing() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    session.show(&state);
-    assert_eq!(session.show(&state), (vec![], vec![], None));
+    let (_, first) = session.show(&state);
+    assert_eq!(session.show(&state), (vec![], first));
 }
 
 #[test]
@@ -135,19 +155,17 @@ fn edits_that_follow_one_another() {
     // Colour after an edit of unused values, then opacity: tables of different states must not be mixed.
     let mut state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    let mut shown = session.show(&state).2.unwrap();
-    for change in [Change::UnusedValues, Change::Color, Change::Light, Change::Opacity, Change::Camera] {
-        edit(&mut state, change);
-        if change == Change::Color {
+    session.show(&state);
+    for edit in [Edit::UnusedValues, Edit::Color, Edit::Light, Edit::Opacity, Edit::Camera] {
+        apply(&mut state, edit);
+        if edit == Edit::Color {
             // A point between others moves the numbers of all intervals behind it.
             let unused =
                 umbravox::transfer::ControlPoint { value: 5500.0, amount: 0.5, color: [0.1, 0.9, 0.4] };
             state.tf.points.insert(3, unused);
         }
-        if let Some(picture) = session.show(&state).2 {
-            shown = picture;
-        }
-        same_as_from_nothing(&state, &shown, &format!("after {change:?}"));
+        let (_, picture) = session.show(&state);
+        same_as_from_nothing(&state, &picture, &format!("after {edit:?}"));
     }
 }
 
@@ -155,13 +173,12 @@ fn edits_that_follow_one_another() {
 fn a_light_that_goes_back_finds_its_map() {
     let mut state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    let first = session.show(&state).2.unwrap();
+    let (_, first) = session.show(&state);
     let light = state.scene.light();
-    edit(&mut state, Change::Light);
-    assert_eq!(session.show(&state).1, [Stage::Shadows]);
+    apply(&mut state, Edit::Light);
+    assert_eq!(session.show(&state).0, [Stage::Shadows]);
     state.scene.lights = vec![light.into()];
-    let (_, made, picture) = session.show(&state);
-    assert_eq!((made, picture), (vec![], Some(first)));
+    assert_eq!(session.show(&state), (vec![], first));
 }
 
 #[test]
@@ -184,9 +201,9 @@ fn only_the_moved_light_is_built_again() {
     state.scene.lights[3].color = [1.0, 0.5, 0.0];
     state.scene.lights[0].intensity = 0.0;
     assert_eq!(built(&session, &state), 0);
-    let (_, made, picture) = session.show(&state);
+    let (made, picture) = session.show(&state);
     assert_eq!(made, []);
-    same_as_from_nothing(&state, &picture.unwrap(), "other colours");
+    same_as_from_nothing(&state, &picture, "other colours");
 }
 
 #[test]
@@ -197,14 +214,14 @@ fn a_map_serves_the_views_that_it_covers() {
     let framed = state.scene.camera;
     let zoomed = Camera { fov_deg: 5.0, ..framed };
     state.scene.camera = zoomed;
-    assert_eq!(session.show(&state).1, [Stage::Shadows], "half of it is not needed");
+    assert_eq!(session.show(&state).0, [Stage::Shadows], "half of it is not needed");
     // A view a little to the side is covered by the map, one far to the side is not.
     let aside = |share: f64| Camera { target: framed.target + share * framed.up * 10.0, ..zoomed };
     for (camera, made) in [(aside(0.02), vec![]), (aside(1.0), vec![Stage::Shadows]), (framed, vec![])] {
         state.scene.camera = camera;
         let shown = session.show(&state);
-        assert_eq!(shown.1, made, "{camera:?}");
-        same_as_from_nothing(&state, &shown.2.unwrap(), "another view");
+        assert_eq!(shown.0, made, "{camera:?}");
+        same_as_from_nothing(&state, &shown.1, "another view");
     }
     // A map fitted to the picture does not serve all points; a map of all points serves a picture of the whole
     // volume.
@@ -231,37 +248,37 @@ fn shadows_wait_until_something_needs_them() {
     let side = (framed.target - framed.eye).cross(framed.up);
     let away = Camera { target: framed.eye + side, ..framed };
     state.scene.camera = away;
-    assert_eq!(session.show(&state).1, [Stage::Tables], "nothing is in view");
+    assert_eq!(session.show(&state).0, [Stage::Tables], "nothing is in view");
     state.scene.camera = framed;
-    let (_, made, picture) = session.show(&state);
+    let (made, picture) = session.show(&state);
     assert_eq!(made, [Stage::Shadows]);
-    same_as_from_nothing(&state, &picture.unwrap(), "seen again");
+    same_as_from_nothing(&state, &picture, "seen again");
     // While the volume is out of view the map is stored for later.
     for camera in [away, framed] {
         state.scene.camera = camera;
-        assert_eq!(session.show(&state).1, []);
+        assert_eq!(session.show(&state).0, []);
     }
     state.scene.ambient = 1.0;
-    assert_eq!(session.show(&state).1, []);
+    assert_eq!(session.show(&state).0, []);
     state.scene.lights = vec![Light::Directional { toward: DVec3::Z }.into()];
-    assert_eq!(session.show(&state).1, []);
+    assert_eq!(session.show(&state).0, []);
     state.scene.ambient = 0.2;
-    let (_, made, picture) = session.show(&state);
+    let (made, picture) = session.show(&state);
     assert_eq!(made, [Stage::Shadows]);
-    same_as_from_nothing(&state, &picture.unwrap(), "no longer ambient alone");
+    same_as_from_nothing(&state, &picture, "no longer ambient alone");
 }
 
 #[test]
 fn a_failed_update_keeps_the_old_state() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    session.show(&state);
+    let (_, first) = session.show(&state);
     // More points than the device's tables hold.
     let points: Vec<_> = (0..3000).map(|i| (200.0 + f64::from(i), 0.1 * f64::from(i % 2))).collect();
     let mut work = Work::default();
     let refused = session.cached.set_transfer(&opacity(&points), &mut work);
     assert!(refused.is_err() && work == Work::default());
-    assert_eq!(session.show(&state), (vec![], vec![], None));
+    assert_eq!(session.show(&state), (vec![], first));
 }
 
 /// With exact reuse every picture equals one drawn alone, bit by bit.

@@ -1,7 +1,6 @@
 //! Pictures of several lights: sums of the pictures of each light, and the exact picture of all.
 
 use super::*;
-use umbravox::engine::Change;
 use umbravox::render::Picture;
 use umbravox::scene::{LightSource, Shading};
 
@@ -173,21 +172,4 @@ fn one_structure_per_shining_light() {
     let map = setup.shadow("dsm:map=64", scene.light());
     let e = setup.session.render(&map, &scene).err().expect("two are missing");
     assert!(e.why.contains("1 shadow structures for 3 lights"), "{e}");
-}
-
-#[test]
-fn colours_and_intensities_make_no_structure_stale() {
-    let volume = phantom("sphere");
-    let old = Scene { lights: three(&volume), ..Scene::framing(&volume) };
-    let changed = |change: &dyn Fn(&mut Scene)| {
-        let mut new = old.clone();
-        change(&mut new);
-        Change::between_scenes(&old, &new)
-    };
-    assert_eq!(changed(&|_| {}), []);
-    assert_eq!(changed(&|s| s.lights[1].intensity = 3.0), [Change::Picture]);
-    assert_eq!(changed(&|s| s.lights[2].color = [1.0; 3]), [Change::Picture]);
-    assert_eq!(changed(&|s| s.lights[0].light = Light::Directional { toward: DVec3::X }), [Change::Light]);
-    assert_eq!(changed(&|s| s.lights[1].intensity = 0.0), [Change::Light]);
-    assert_eq!(changed(&|s| s.lights.truncate(2)), [Change::Light]);
 }
