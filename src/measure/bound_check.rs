@@ -15,13 +15,12 @@ use super::histogram::Histogram;
 use super::rounding_envelope::RoundingEnvelope;
 use super::test_depths::sort_distinct;
 use crate::shadow::Bound;
-use serde::Serialize;
 
 /// Tolerance in transmittance for rounding errors of the exact transmittance curve itself.
 pub const EXACT_ROUNDING: f64 = 1e-12;
 
 /// Deviation of a shadow method's transmittance from the exact transmittance at one depth of one light ray.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     /// Index of the light ray with this deviation, as passed to [`BoundReport::of_ray`].
     pub ray: usize,
@@ -38,7 +37,7 @@ pub struct Deviation {
 
 /// Result of testing a shadow method's transmittance along light rays against the exact transmittance and the error
 /// bound.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct BoundReport {
     /// Number of light rays along which a shadow method's transmittance was tested against the exact one.
     pub rays: usize,
@@ -49,7 +48,6 @@ pub struct BoundReport {
     /// tolerances. Its amount is the column `ray_err_max` of the comparison table.
     pub largest: Option<Deviation>,
     /// Distribution of the deviations `|T_method - T_exact|` at all depths.
-    #[serde(skip)]
     deviations: Histogram,
     /// Number of depths on light rays at which the transmittance violates the shadow method's error bound.
     pub violations: usize,
@@ -192,7 +190,7 @@ fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
 }
 
 /// Counts of transmittance values that cannot be physical: not monotone, outside `[0, 1]` or not finite.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sanity {
     /// Number of transmittance values that increase along a light ray: they exceed the smallest value nearer to the
     /// light by more than a tolerance.

@@ -3,10 +3,9 @@
 use crate::error::{Error, Result};
 use crate::random::Chance;
 use ndarray::{Array2, ArrayView3, Axis};
-use serde::Serialize;
 
 /// Median, minimum and maximum of a repeated measurement, such as a time in ms.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Median of a repeated measurement. It is the mean of the middle two values if their number is even.
     pub median: f64,
@@ -86,7 +85,7 @@ const BOOTSTRAP_GROUPS: usize = 500;
 const BOOTSTRAP_SEED: u64 = 17;
 
 /// Weighted statistics of transmittance errors with sign, `T_method - T_exact`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorStats {
     /// Number of points with nonzero weight in the statistics of transmittance errors.
     pub count: usize,
@@ -203,7 +202,7 @@ fn bootstrap<const N: usize>(groups: &[[f64; N]], of_sums: impl Fn([f64; N]) -> 
 }
 
 /// Difference between two pictures in linear RGBA: rms, peak signal-to-noise ratio and maximum.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageError {
     /// Root mean square difference between two pictures over all pixels and channels.
     pub rmse: f64,

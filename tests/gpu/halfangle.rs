@@ -27,10 +27,6 @@ fn picture(setup: &Setup, method: &str, scene: &Scene) -> Array3<f32> {
     setup.session.render(&maps, scene).unwrap().pixels
 }
 
-fn rms(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
-    (a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
-}
-
 /// Light buffers answer about as well as a map that stores as many planes, whether eye rays cross the slices
 /// with the light or against it. Opacity is that of pictures without shadows.
 #[test]
@@ -46,8 +42,9 @@ fn pictures_are_those_of_stored_planes() {
             "osm:layers=40,bits=32,map=128,near=0",
             "halfangle:slices=6,map=128",
         ]
-        .map(|method| rms(&picture(&setup, method, &scene), &exact));
-        let constant = rms(&picture(&setup, "halfangle:slices=40,between=constant,map=128", &scene), &exact);
+        .map(|method| rms_difference(&picture(&setup, method, &scene), &exact));
+        let constant =
+            rms_difference(&picture(&setup, "halfangle:slices=40,between=constant,map=128", &scene), &exact);
         println!("{place}: {fine:.5}, constant {constant:.5}, 6 slices {coarse:.5}; osm {planes:.5}");
         assert!(fine < 2.0 * planes + 1e-3, "{place}: {fine} {planes}");
         assert!(coarse > 2.0 * fine && constant > 1.4 * fine, "{place}: {fine} {constant} {coarse}");

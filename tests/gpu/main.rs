@@ -239,3 +239,16 @@ fn rms_difference(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     (sum / a.len() as f64).sqrt()
 }
+
+/// Volume of grains of several sizes, with empty space between them, under an oblique affine.
+fn grains() -> Arc<Volume> {
+    let value = |(k, j, i): (usize, usize, usize)| {
+        let wave = |n: usize, rate: f64| (n as f64 * rate).sin();
+        let v = wave(i, 0.71) * wave(j, 0.53) + wave(k, 0.37) + 0.4 * wave(i + 2 * j + 3 * k, 1.9);
+        if i > 30 && j < 20 { 0.0 } else { (500.0 * v).max(0.0) as f32 }
+    };
+    let affine = DAffine3::from_translation(DVec3::new(-20.0, 7.0, 3.0))
+        * DAffine3::from_rotation_z(0.3)
+        * DAffine3::from_scale(DVec3::new(0.8, 1.1, 1.5));
+    Arc::new(volume_of(Voxels::F32(Array3::from_shape_fn((30, 36, 44), value)), affine))
+}
