@@ -34,7 +34,7 @@ const EFFORT: Effort = Effort {
 pub struct ClaimsArgs {
     #[command(flatten)]
     table: TableFlags,
-    /// Test only claims of this paper, by an author's name: kim, hadwiger, yuksel, voicu; may be given several times
+    /// Test only claims of this paper, by an author's name: hadwiger, kim, yuksel, voicu, mertens, jansen, salvi, muenstermann; may be given several times
     #[arg(long = "paper", value_name = "NAME")]
     pub papers: Vec<String>,
     /// Test every claim on this scene instead of the built-in scenes; may be given several times

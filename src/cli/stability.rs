@@ -1,4 +1,4 @@
-//! `umbravox stability`: tests every shadow method for numerical faults on stiff and extreme cases.
+//! `umbravox stability`: tests every shadow method for numerical faults on extreme and ill-conditioned cases.
 
 use super::console::StepDisplay;
 use super::interrupt::Interrupt;
@@ -12,7 +12,7 @@ use crate::replication::stability::{Case, Row, Status, all, planned, run as run_
 use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
 
-/// Test every shadow method for numerical faults on stiff and extreme cases; exit status 1 if one has a fault
+/// Test every shadow method for numerical faults on extreme and ill-conditioned cases; exit status 1 if one has a fault
 #[derive(Debug, Args)]
 pub struct StabilityArgs {
     #[command(flatten)]

@@ -28,8 +28,8 @@ columns! {
     adapter [""]: String,
     /// Name of the shadow method.
     method [""]: String,
-    /// Settings of the shadow method as `key=value` texts separated by spaces. Only settings that distinguish the row
-    /// from the method's other rows are listed.
+    /// Settings of the shadow method as `key=value` texts separated by spaces: its main ones, such as `epsilon`, and
+    /// those that differ from their defaults. The map size has its own column.
     params [""]: String,
     /// Paper of the shadow method, in the row with the settings that this paper states. Empty for other rows.
     published [""]: String,

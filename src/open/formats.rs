@@ -27,8 +27,8 @@ pub struct ReadFlags {
     /// Raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", help_heading = "Volume")]
     pub raw: Option<RawLayout>,
-    /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the
-    /// file's, or 1,1,1]
+    /// Voxel spacing of a raw, .npy, TIFF or Zarr file, mm, also in place of its own; other formats refuse it
+    /// [default: the file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]

@@ -34,7 +34,7 @@ settings! {
         iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "k-means iterations, one march each").search(&["1", "2", "4"]),
         /// Number of bits of each stored float of a cluster (mean depth, standard deviation and optical depth): 16 or
         /// 32.
-        bits: u32 = Key::choice(&["16", "32"], "16", "bits of a cluster's mean, spread and optical depth (floats)").search_all(),
+        bits: u32 = Key::choice(&["16", "32"], "16", "bits of a cluster's mean, standard deviation and optical depth (floats)").search_all(),
         ..MapSettings,
         /// Whether the four texels around a point are aligned at their first depths before they are averaged.
         align: Align = ALIGN_KEY,
