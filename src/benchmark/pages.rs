@@ -126,16 +126,15 @@ fn page(results: &[CellResult], rankings: &[Ranking], made_by: &str) -> String {
             None => String::new(),
         };
         page += &format!("\n![mean ranks]({}.png)\n", plot_stem(ranking));
-        page += "\nCells won, by volume, by transfer function, by light and by view:\n";
-        let keys: [Key; 4] = [
-            |cell| &cell.volume,
-            |cell| &cell.function,
-            |cell| cell.light_and_view().0,
-            |cell| cell.light_and_view().1,
+        let keys: [(&str, Key); 4] = [
+            ("volume", |cell| &cell.volume),
+            ("transfer function", |cell| &cell.function),
+            ("light", |cell| cell.light_and_view().0),
+            ("view", |cell| cell.light_and_view().1),
         ];
-        for key in keys {
-            page += "\n";
-            page += &won_by(results, ranking, key);
+        let differs = |key: Key| results.iter().map(key).unique().nth(1).is_some();
+        for (name, key) in keys.into_iter().filter(|(_, key)| differs(*key)) {
+            page += &format!("\nCells won, by {name}:\n\n{}", won_by(results, ranking, key));
         }
     }
     page
@@ -212,7 +211,7 @@ mod tests {
             ..Answer::default()
         };
         let cell = |function: &str, errors: [f64; 2]| CellResult {
-            cell: format!("a-{function}-back-close"),
+            cell: format!("a-{function}-back-{}", if function == "thin" { "front" } else { "close" }),
             volume: "a".into(),
             function: function.into(),
             elapsed_s: Some(1800.0),
@@ -229,10 +228,10 @@ mod tests {
         for part in [
             "Errors below 1e-6,",
             "Measuring took 1.5 hours; the longest cell 1800 s.",
-            "| back |",
-            "| close |",
+            "by view:\n\n| method | front | close |",
         ] {
             assert!(page.contains(part), "{part}: {page}");
         }
+        assert!(!page.contains("by light"), "all cells have one light");
     }
 }

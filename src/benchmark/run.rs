@@ -94,7 +94,7 @@ impl Run<'_> {
                 let loaded = self.load(cell, subject)?;
                 let session = session(cell, &loaded, renderer, &mut on_device)?;
                 let source = self.settings_source(cell, &all, folder)?;
-                let open = |in_sections| open(&loaded, renderer, in_sections);
+                let open = |is_live| open(&loaded, renderer, is_live);
                 let mut result =
                     self.measure_cell(cell, (&loaded, &subject.settings), (session, &open), &source, watch)?;
                 result.elapsed_s = Some(begun.elapsed().as_secs_f64());
@@ -200,9 +200,9 @@ impl Run<'_> {
         let mut found = Vec::new();
         for entry in self.methods {
             watch(&format!("{}: {}", cell.name, entry.name))?;
+            let is_live = self.builds_with_pictures(entry, session)?;
             // Under a light with a size a search builds thousands of maps.
-            let in_sections = parse(entry.name)?.lookup().is_some_and(|lookup| lookup.has_sections());
-            let own = (cell.is_soft || in_sections).then(|| open(in_sections)).transpose()?;
+            let own = (cell.is_soft || is_live).then(|| open(is_live)).transpose()?;
             let job = own.as_ref().map(|session| cell_job.on(session));
             let recorded =
                 recorded.as_ref().filter(|r| r.cell().is_some_and(|r| r.has(entry.name, self.budgets)));
@@ -228,6 +228,15 @@ impl Run<'_> {
             transfer_function: loaded.tf.to_json(),
             answers,
         })
+    }
+
+    /// Whether a method builds its map in hundreds of passes with each picture, on a software adapter and without a limit
+    /// of time. llvmpipe keeps a copy of the shader of each pass with its uniforms; a [`Renderer::live`] avoids that, but
+    /// draws other pictures more slowly.
+    fn builds_with_pictures(&self, entry: &Entry, session: &Session) -> Result<bool> {
+        let in_sections = parse(entry.name)?.lookup().is_some_and(|lookup| lookup.has_sections());
+        let is_timed = self.budgets.iter().any(Budget::is_of_time);
+        Ok(in_sections && !is_timed && session.renderer.gpu().is_software())
     }
 
     /// Computes the hashes of the exact transmittances of all selected cells, as lines of `exact.tsv`.
@@ -310,10 +319,9 @@ impl Run<'_> {
 
 /// Opens a session with a volume and transfer function, with its own device on the adapter of `renderer`: with Mesa's
 /// lavapipe, memory grows by up to a megabyte for each shadow map that is built, until the device is closed.
-fn open(loaded: &Loaded, renderer: &Renderer, in_sections: bool) -> Result<Session> {
+fn open(loaded: &Loaded, renderer: &Renderer, is_live: bool) -> Result<Session> {
     let gpu = Gpu::open(Some(&renderer.gpu().info.name))?;
-    // A picture in sections has hundreds of passes, and llvmpipe keeps a copy of the shader of each, with its uniforms.
-    let own = if in_sections { Renderer::live(gpu, f64::INFINITY) } else { Renderer::new(gpu) };
+    let own = if is_live { Renderer::live(gpu, f64::INFINITY) } else { Renderer::new(gpu) };
     Session::on(&Arc::new(own), Arc::clone(&loaded.volume), &loaded.tf, DisabledOptimizations::default())
 }
 
