@@ -115,7 +115,7 @@ def bound():
 
 
 def stability():
-    """Stiff and extreme cases, every method."""
+    """Extreme and ill-conditioned cases, every method."""
     folder = tempfile.mkdtemp(dir=work)
     text = run("stability", "-o", folder, "--overwrite", accepted=(0, 1))
     # The summary; notes on single rows follow it.

@@ -1,4 +1,7 @@
-"""Exact optical depths against enclosures in ball arithmetic: no rounding, and no quadrature, is left out of them."""
+"""Exact optical depths against enclosures in ball arithmetic, which include the errors of rounding and quadrature.
+
+Cell faces that a ray crosses within about 1e-35 of its ends or of each other are ordered by their middles.
+"""
 
 import math
 
@@ -72,7 +75,7 @@ class Enclosure:
             # Beyond the outermost voxel centres the value is that of the nearest.
             factors.append(self.poly([0]) if at < 0 else self.poly([1]) if at > n - 1 else self.poly([p - base, d]))
         value, extinction = self.given[0]
-        if extinction == 0 and corners.max() < value:
+        if extinction == 0 and corners.max() <= value and self.given[1][0] > value:
             return None, True
         corners = [self.poly([value]) for value in corners.ravel()]
         for f in factors[::-1]:
@@ -89,7 +92,7 @@ class Enclosure:
             given = self.function_within(reach)
             if given is not None:
                 total += self.piece(given(value), a, b)
-            elif b - a < SHORTEST:
+            elif b - a < SHORTEST or slope.degree() < 0:
                 total += self.between_0_and(b - a)
             else:
                 rest += [(a, middle), (middle, b)]
@@ -103,7 +106,7 @@ class Enclosure:
         if reach > last:
             return lambda value: self.poly([end])
         for (v0, y0), (v1, y1) in zip(self.given, self.given[1:]):
-            if reach > v0 and reach < v1:
+            if v0 < v1 and reach >= v0 and reach <= v1:
                 return lambda value: y0 + (value - v0) * ((y1 - y0) / (self.arb(v1) - v0))
         return None
 
@@ -133,10 +136,10 @@ def check(scene, enclosure, count):
     starts, ends = index @ affine[:3, :3].T + affine[:3, 3]
     found = scene.optical_depth(starts, ends)
     balls = [enclosure.optical_depth(*segment) for segment in zip(starts, ends)]
-    assert max(float(ball.rad()) for ball in balls) < 1e-12
+    assert np.isfinite(found).all() and all(float(ball.rad()) < 1e-12 for ball in balls)
     outside = [float((ball - float(depth)).abs_lower()) / max(1.0, depth) for ball, depth in zip(balls, found)]
     print(f"widest {max(float(ball.rad()) for ball in balls):.1e}, farthest outside {max(outside):.1e}")
-    assert max(outside) < 1e-12
+    assert all(distance < 1e-12 for distance in outside)
     assert (found > 0.1).sum() > count / 10
 
 

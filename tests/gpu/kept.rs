@@ -199,6 +199,8 @@ fn only_the_moved_light_is_built_again() {
     }
     // A change of colour, and lights without intensity, build nothing.
     state.scene.lights[3].color = [1.0, 0.5, 0.0];
+    state.scene.lights[1].intensity = 3.0;
+    state.scene.lights.truncate(5);
     state.scene.lights[0].intensity = 0.0;
     assert_eq!(built(&session, &state), 0);
     let (made, picture) = session.show(&state);
