@@ -12,6 +12,20 @@ pub fn umbravox(folder: &Path, args: &[&str]) -> Output {
         .expect("the program starts")
 }
 
+/// Text that a program printed.
+pub struct Printed {
+    pub stdout: String,
+    pub stderr: String,
+}
+
+/// Runs `umbravox ARGS` in a folder, which must succeed.
+pub fn succeed(folder: &Path, args: &[&str]) -> Printed {
+    let output = umbravox(folder, args);
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    Printed { stdout, stderr }
+}
+
 /// Sends a process a signal by its name. `TERM` is used for an interrupt, which a test in the background may have to
 /// ignore.
 #[cfg(unix)]

@@ -3,7 +3,7 @@
 //! `UMBRAVOX_REWRITE=1 cargo test --test gpu golden` renews the pictures. Look at them before you commit them.
 
 use crate::common;
-use crate::program::umbravox;
+use crate::program::succeed;
 use image::RgbImage;
 use rayon::prelude::*;
 use std::fs;
@@ -104,8 +104,7 @@ fn pictures_are_those_in_the_repository() {
         .filter_map(|(name, flags)| {
             let file = format!("{name}.png");
             let flags: Vec<&str> = flags.iter().map(String::as_str).collect();
-            let run = umbravox(home.path(), &[&SCENE[..], &flags, &["-o", &file]].concat());
-            assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+            succeed(home.path(), &[&SCENE[..], &flags, &["-o", &file]].concat());
             let found = image::open(home.path().join(&file)).unwrap().to_rgb8();
             let golden = folder().join(&file);
             if renew {

@@ -1,7 +1,7 @@
 //! `umbravox benchmark`, run as a user runs it, on one cell of the frozen benchmark.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -21,8 +21,7 @@ const ARGUMENTS: [&str; 9] = [
 ];
 
 fn benchmark(folder: &Path, cells: &str) -> String {
-    let output = umbravox(folder, &[&ARGUMENTS[..], &["--cells", cells]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(folder, &[&ARGUMENTS[..], &["--cells", cells]].concat());
     fs::read_to_string(folder.join("out/benchmark.csv")).unwrap()
 }
 
@@ -130,8 +129,7 @@ fn measures_again_without_a_search(folder: &Path, earlier: &HashMap<String, Stri
     let budget = ["--budget", "bytes=256KiB", "--methods", "osm,beer"];
     let arguments =
         [&["benchmark", "-o", "again", "--settings", "out", "--cells", cells], &budget[..]].concat();
-    let output = umbravox(folder, &arguments);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(folder, &arguments);
     let table = rows(&fs::read_to_string(folder.join("again/benchmark.csv")).unwrap());
     let again = table.iter().find(|row| row["method"] == "osm").unwrap();
     for column in ["settings", "bytes", "point_err_rms", "trials", "converged"] {
@@ -147,8 +145,7 @@ fn settings_within_a_time_hold_it_when_they_are_timed_again() {
     }
     let dir = tempfile::tempdir().unwrap();
     let cell = ["--cells", "cloud-thin-front-front", "--methods", "osm,beer", "--budget", "frames=30"];
-    let output = umbravox(dir.path(), &[&["benchmark", "-o", "out"][..], &cell].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(dir.path(), &[&["benchmark", "-o", "out"][..], &cell].concat());
     let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
     for row in &table {
         let [build_ms, frame_ms, frames, error] = ["build_ms", "frame_ms", "frames", "point_err_rms"]
@@ -167,11 +164,7 @@ fn shards_that_run_at_once_share_a_folder() {
     let dir = tempfile::tempdir().unwrap();
     let cells = "cloud-thin-front-front,cloud-dense-front-front,cloud-surface-front-front";
     let shared = ["benchmark", "-o", "out", "--cells", cells, "--methods", "beer", "--budget", "bytes=16KiB"];
-    let shard = &|part: &str| {
-        let output = umbravox(dir.path(), &[&shared[..], &["--shard", part]].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    };
+    let shard = &|part: &str| succeed(dir.path(), &[&shared[..], &["--shard", part]].concat()).stdout;
     let said = std::thread::scope(|scope| {
         let jobs = ["1/2", "2/2"].map(|part| scope.spawn(move || shard(part)));
         jobs.map(|job| job.join().unwrap())
@@ -188,8 +181,7 @@ fn shards_that_run_at_once_share_a_folder() {
         files.map(|path| (fs::metadata(&path).unwrap().modified().unwrap(), path)).collect::<Vec<_>>()
     };
     let before = recorded();
-    let output = umbravox(dir.path(), &shared);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(dir.path(), &shared);
     let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
     let named: Vec<_> = table.iter().map(|row| &*row["cell"]).collect();
     assert_eq!(named, ["cloud-thin-front-front", "cloud-dense-front-front", "cloud-surface-front-front"]);
@@ -205,8 +197,7 @@ fn exported_cells_have_the_exact_answers_of_their_points() {
     let dir = tempfile::tempdir().unwrap();
     let name = "cloud-thin-lamp-front";
     let run = |more: &[&str]| {
-        let output = umbravox(dir.path(), more);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        succeed(dir.path(), more);
     };
     run(&["benchmark", "--cells", name, "--export", "exported"]);
     let [exact, points] = ["exact.txt", "points.txt"]
@@ -249,8 +240,7 @@ fn a_program_that_fails_is_noted_and_the_others_go_on() {
         "--external",
         "silent=true",
     ];
-    let output = umbravox(dir.path(), &arguments);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(dir.path(), &arguments);
     let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
     let notes: HashMap<_, _> = table.iter().map(|row| (&*row["method"], &*row["note"])).collect();
     assert!(notes["broken"].contains("no memory") && notes["broken"].contains('3'), "{notes:?}");

@@ -3,7 +3,7 @@
 use crate::common;
 #[cfg(unix)]
 use crate::program::interrupted;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed};
 use std::collections::HashMap;
 use std::fs;
 use umbravox::replication::claims::all;
@@ -20,9 +20,7 @@ fn a_papers_claims_on_a_scene_of_ones_own() {
     fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
     let args =
         ["claims", "--paper", "neumann", "--scene", "ball.toml", "--repeats", "1", "-o", "out", "--json"];
-    let output = umbravox(dir.path(), &args);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{stderr}");
+    let json = succeed(dir.path(), &args).stdout;
 
     let mut reader = csv::Reader::from_path(dir.path().join("out/claims.csv")).unwrap();
     let columns = "paper,where,claim,claimed,measured,holds,scene,note";
@@ -43,7 +41,7 @@ fn a_papers_claims_on_a_scene_of_ones_own() {
     assert!(kappa["measured"].contains("kappa: 5.5") && kappa["holds"] == "yes", "{kappa:?}");
     assert_eq!(of("memory requirement")["holds"], "no", "all maps are kept");
 
-    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json.as_array().unwrap().len(), rows.len());
     assert_eq!(json[0]["where"], rows[0]["where"]);
     let page = fs::read_to_string(dir.path().join("out/claims.md")).unwrap();
@@ -74,19 +72,18 @@ fn finished_scenes_are_not_measured_again() {
     fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
     fs::write(dir.path().join("step.toml"), SCENE.replace("sphere", "step")).unwrap();
     let ball = ["claims", "--paper", "neumann", "--repeats", "1", "-o", "out", "--scene", "ball.toml"];
-    assert!(umbravox(dir.path(), &ball).status.success());
+    succeed(dir.path(), &ball);
     let read = |file: &str| fs::read_to_string(dir.path().join("out").join(file)).unwrap();
     let first = read("claims.csv");
     // A second scene is added to the finished one.
     let both = [&ball[..], &["--scene", "step.toml", "--resume"]].concat();
-    let resumed = umbravox(dir.path(), &both);
-    let said = String::from_utf8_lossy(&resumed.stderr);
-    assert!(resumed.status.success() && said.contains(" rows"), "{said}");
+    let said = succeed(dir.path(), &both).stderr;
+    assert!(said.contains(" rows"), "{said}");
     assert!(!said.contains("on ball") && !said.contains("ball:"), "it is not measured again: {said}");
     let rows = read("claims.csv");
     assert!(first.lines().all(|line| rows.lines().any(|row| row == line)), "{rows}");
     assert!(rows.lines().count() > first.lines().count() && rows.contains(",step"), "{rows}");
-    assert!(umbravox(dir.path(), &both).status.success());
+    succeed(dir.path(), &both);
     assert_eq!(read("claims.csv"), rows, "nothing is left to measure");
     // Other scenes and settings are not mixed in.
     let refusal = |args: &[&str]| refused(dir.path(), &[args, &["--resume"]].concat());

@@ -1,7 +1,7 @@
 //! `umbravox probe --curve`: against closed forms and the other outputs of `probe`, and invalid command lines.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed};
 use std::path::Path;
 use umbravox::exact::ExactField;
 use umbravox::measure::light_curve::LightCurve;
@@ -26,9 +26,7 @@ fn table(text: &str) -> Table {
 }
 
 fn stdout_of(folder: &Path, args: &[&str]) -> String {
-    let output = umbravox(folder, args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    succeed(folder, args).stdout
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `render --turntable` and `--light-sweep`: each picture of the turn equals the one drawn by itself.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use glam::DVec3;
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
@@ -16,9 +16,7 @@ const SCENE: [&str; 4] = ["render", "phantom:thorax:24", "--size=37x29", "--tf=c
 
 /// Runs `render`, and returns the output of `--json`.
 fn render(folder: &Path, more: &[&str]) -> serde_json::Value {
-    let run = umbravox(folder, &[&SCENE, more, &["--json"]].concat());
-    assert!(run.status.success(), "{more:?}: {}", String::from_utf8_lossy(&run.stderr));
-    serde_json::from_slice(&run.stdout).unwrap()
+    serde_json::from_str(&succeed(folder, &[&SCENE, more, &["--json"]].concat()).stdout).unwrap()
 }
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
@@ -131,8 +129,7 @@ fn pictures_of_a_turntable_are_those_from_their_eyes() {
             pictures.push(bytes(folder, &name));
         }
         std::fs::write(folder.join("scene.toml"), scene_text(&pictures[3])).unwrap();
-        let run = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        succeed(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
         assert_eq!(pictures[3], bytes(folder, "again.png"), "{shadow}: from its own text");
         pictures.dedup();
         assert_eq!(pictures.len(), 5, "they differ");
@@ -155,6 +152,7 @@ fn pictures_of_a_time_series_are_those_of_its_frames() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/files/frames.npy");
     let series = ["render", file.to_str().unwrap(), "--tf=uniform", "--size=31x23"];
     let run = |more: &[&str]| {
+        // Standard output may be a picture.
         let output = umbravox(folder, &[&series, more].concat());
         assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
         output.stdout
@@ -166,8 +164,7 @@ fn pictures_of_a_time_series_are_those_of_its_frames() {
     for number in 0..frames.len() {
         let numbered = bytes(folder, &format!("t_{number:04}.png"));
         std::fs::write(folder.join("scene.toml"), scene_text(&numbered)).unwrap();
-        let again = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
-        assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+        succeed(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
         assert_eq!(numbered, bytes(folder, "again.png"), "frame {number}");
         let scene = SceneRequest::from_toml(&scene_text(&numbered)).unwrap().settings;
         assert_eq!(scene.read_flags.frame, Some(number));
@@ -190,9 +187,7 @@ fn warnings_about_later_frames_are_printed_once() {
     }
     ndarray_npy::write_npy(dir.path().join("series.npy"), &voxels).unwrap();
     let line = ["render", "series.npy", "--tf=uniform", "--size=8x8", "--frames=all", "-o", "t.png"];
-    let output = umbravox(dir.path(), &line);
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{stderr}");
+    let stderr = succeed(dir.path(), &line).stderr;
     let warnings: Vec<_> = stderr.lines().filter(|line| line.starts_with("warning: ")).collect();
     let beginnings = ["warning: no --spacing", "warning: frame 1: 1 voxels", "warning: frame 2: 2 voxels"];
     assert_eq!(warnings.len(), beginnings.len(), "{stderr}");
@@ -209,13 +204,12 @@ fn a_map_that_follows_the_view_is_built_for_each() {
     let near = ["--zoom=6", "--shadow=dsm", "--turntable=4", "-o", "near.npy"];
     let counts = built_and_kept(&render(dir.path(), &near));
     assert_eq!(counts, [[1, 0]; 4], "what is seen of the volume differs");
-    let run = umbravox(dir.path(), &[&SCENE[..], &["--turntable=3", "--explain", "-o", "a.npy"]].concat());
-    let said = String::from_utf8(run.stderr).unwrap();
+    let said =
+        succeed(dir.path(), &[&SCENE[..], &["--turntable=3", "--explain", "-o", "a.npy"]].concat()).stderr;
     assert!(said.contains("plan: 3 pictures: ") && !said.contains("on the axis"), "{said}");
     let above = ["--light=dir:0,0,1", "--light-sweep=2", "-o", "a.npy"];
-    let run = umbravox(dir.path(), &[&SCENE[..], &above].concat());
-    let said = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.success() && said.contains("note: every light lies on the rotation axis"), "{said}");
+    let said = succeed(dir.path(), &[&SCENE[..], &above].concat()).stderr;
+    assert!(said.contains("note: every light lies on the rotation axis"), "{said}");
     // If no light lights the scene, no shadow map is built.
     let lit = ["--ambient=1", "--turntable=3", "-o", "lit.npy"];
     let json = render(dir.path(), &lit);
@@ -265,8 +259,7 @@ fn lights_of_a_sweep_are_those_given_explicitly() {
     let Light::Point { position } = scene.light.unwrap()[1].light else { panic!("{text}") };
     assert!(((position - target).length() - (at - target).length()).abs() < 1e-10);
     std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let run = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    succeed(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
     assert_eq!(bytes(folder, "sweep_0001.png"), bytes(folder, "again.png"));
 }
 

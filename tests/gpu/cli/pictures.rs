@@ -1,7 +1,7 @@
 //! Picture files of `render`, with and without a background.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use glam::DVec3;
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
@@ -18,8 +18,7 @@ fn render(folder: &Path, more: &[&str], output: &str) {
     let tf = if more.iter().any(|flag| flag.starts_with("--tf=")) { "" } else { "--tf=uniform" };
     let scene = ["render", "phantom:sphere:24", "--shadow=rays", "--size=33x27", tf];
     let scene = &scene[..scene.len() - usize::from(tf.is_empty())];
-    let run = umbravox(folder, &[scene, more, &["-o", output]].concat());
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    succeed(folder, &[scene, more, &["-o", output]].concat());
 }
 
 fn npy(path: &Path) -> Array3<f32> {
@@ -90,8 +89,7 @@ fn a_png_holds_the_scene_file_that_draws_it() {
     let reader = png::Decoder::new(file).read_info().unwrap();
     let chunk = reader.info().utf8_text.iter().find(|c| c.keyword == "umbravox:scene").unwrap();
     std::fs::write(dir.path().join("scene.toml"), chunk.get_text().unwrap()).unwrap();
-    let run = umbravox(dir.path(), &["render", "--scene=scene.toml", "-o", "b.png"]);
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    succeed(dir.path(), &["render", "--scene=scene.toml", "-o", "b.png"]);
     let [a, b] = ["a.png", "b.png"].map(|name| image::open(dir.path().join(name)).unwrap().to_rgb8());
     assert_eq!(a, b);
 }
@@ -104,15 +102,13 @@ fn an_annotated_png_has_marks_and_the_scene() {
     let dir = tempfile::tempdir().unwrap();
     for (flags, name) in [(&[][..], "plain.png"), (&["--annotate"], "marked.png")] {
         let scene = ["render", "phantom:sphere:24", "--tf=ct", "--size=200x160", "-o", name];
-        let run = umbravox(dir.path(), &[&scene, flags].concat());
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        succeed(dir.path(), &[&scene, flags].concat());
     }
     let [plain, marked] = ["plain.png", "marked.png"].map(|name| image::open(dir.path().join(name)).unwrap());
     let [plain, marked] = [plain, marked].map(|image| image.to_rgb8());
     let changed = plain.pixels().zip(marked.pixels()).filter(|(a, b)| a != b).count();
     assert!(plain.dimensions() == marked.dimensions() && (100..8000).contains(&changed), "{changed}");
-    let run = umbravox(dir.path(), &["render", "--scene=marked.png", "-o", "again.png"]);
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    succeed(dir.path(), &["render", "--scene=marked.png", "-o", "again.png"]);
     assert_eq!(image::open(dir.path().join("again.png")).unwrap().to_rgb8(), plain);
 }
 
@@ -131,8 +127,7 @@ fn a_certified_png_says_what_it_is() {
         "-o",
         "a.png",
     ];
-    let run = umbravox(dir.path(), &args);
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    succeed(dir.path(), &args);
     let file = std::io::BufReader::new(std::fs::File::open(dir.path().join("a.png")).unwrap());
     let texts = png::Decoder::new(file).read_info().unwrap().info().utf8_text.clone();
     let text = |key: &str| texts.iter().find(|c| c.keyword == key).unwrap().get_text().unwrap();

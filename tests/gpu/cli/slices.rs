@@ -1,7 +1,7 @@
 //! `umbravox probe --map-slices`: slices of a slab against its closed form, which side is up, and refused command lines.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed};
 use ndarray::{Array3, s};
 use ndarray_npy::ReadNpyExt;
 use std::fs::{self, File};
@@ -13,9 +13,8 @@ fn slice(folder: &Path, name: &str) -> Array3<f32> {
 
 /// Runs `probe --map-slices`, and returns the depths of the slices in mm.
 fn depths(folder: &Path, args: &[&str]) -> Vec<f64> {
-    let output = umbravox(folder, &[&["probe"], args].concat());
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    let mut reader = csv::Reader::from_reader(&output.stdout[..]);
+    let table = succeed(folder, &[&["probe"], args].concat()).stdout;
+    let mut reader = csv::Reader::from_reader(table.as_bytes());
     assert_eq!(reader.headers().unwrap().iter().nth(1), Some("depth_mm"));
     reader.records().map(|row| row.unwrap()[1].parse().unwrap()).collect()
 }

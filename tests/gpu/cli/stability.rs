@@ -3,7 +3,7 @@
 use crate::common;
 #[cfg(unix)]
 use crate::program::interrupted;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use std::collections::HashMap;
 
 #[test]
@@ -84,15 +84,15 @@ fn finished_cases_are_not_tested_again() {
     }
     let dir = tempfile::tempdir().unwrap();
     let args = ["stability", "-o", "out", "--methods", "none;dsm:map=32", "--case", "grid-one-brick,nan"];
-    assert!(umbravox(dir.path(), &args).status.success());
+    succeed(dir.path(), &args);
     let read = |file: &str| std::fs::read_to_string(dir.path().join("out").join(file)).unwrap();
     let (whole, page) = (read("stability.csv"), read("stability.md"));
     // As after an interruption: the second case is missing.
     let first: Vec<&str> = whole.lines().filter(|line| !line.starts_with("nan,")).collect();
     std::fs::write(dir.path().join("out/stability.csv"), first.join("\n") + "\n").unwrap();
-    let resumed = umbravox(dir.path(), &[&args[..], &["--resume"]].concat());
-    let said = String::from_utf8_lossy(&resumed.stderr);
-    assert!(resumed.status.success() && said.contains("holds 2 rows"), "{said}");
+    let resumed = || succeed(dir.path(), &[&args[..], &["--resume"]].concat()).stderr;
+    let said = resumed();
+    assert!(said.contains("holds 2 rows"), "{said}");
     assert!(
         !said.contains("grid-one-brick") && said.contains("nan"),
         "only the second case is tested: {said}"
@@ -101,8 +101,7 @@ fn finished_cases_are_not_tested_again() {
     assert_eq!(again.lines().take(3).collect::<Vec<_>>(), first, "rows of the first case stay");
     assert_eq!(again.lines().count(), whole.lines().count());
     // A complete table is written anew without a measurement.
-    let resumed = umbravox(dir.path(), &[&args[..], &["--resume"]].concat());
-    assert!(resumed.status.success() && !String::from_utf8_lossy(&resumed.stderr).contains("ordinary case"));
+    assert!(!resumed().contains("ordinary case"));
     assert_eq!(read("stability.csv"), again);
     // Other settings, and another adapter, are not mixed in.
     let refusal = |args: &[&str]| refused(dir.path(), &[args, &["--resume"]].concat());

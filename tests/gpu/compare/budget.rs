@@ -3,7 +3,7 @@
 use super::planted::{EXTINCTION, compared_within, haze, scene};
 use super::{TF, read_csv};
 use crate::common;
-use crate::program::umbravox;
+use crate::program::{refused, succeed, umbravox};
 use std::collections::{HashMap, HashSet};
 use std::process::Command;
 use std::sync::Arc;
@@ -265,9 +265,7 @@ fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
 
     // Methods tuned in separate runs merge into one table; other budgets do not.
     assert_eq!(tuned("two", "dom:layers=2,map=64", &["--budget=bytes=32KiB"]).0, Some(0));
-    let merged = |parts: &[&str], out| umbravox(folder, &[&["merge"], parts, &["-o", out]].concat());
-    let output = merged(&["one", "two"], "all");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(folder, &["merge", "one", "two", "-o", "all"]);
     let [one, two, all] =
         ["one", "two", "all"].map(|out| read_any(&folder.join(out).join("trials.csv")).len());
     assert_eq!(one + two, all);
@@ -276,7 +274,7 @@ fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
         ranked.iter().filter(|r| r["budget"] == "bytes=64KiB").map(|r| r["method"].as_str()).collect();
     assert_eq!(methods, HashSet::from(["osm", "dom"]));
     assert_eq!(tuned("three", "dom:layers=2,map=64", &[]).0, Some(0));
-    let stderr = String::from_utf8(merged(&["one", "three"], "no").stderr).unwrap();
+    let stderr = refused(folder, &["merge", "one", "three", "-o", "no"]);
     assert!(stderr.contains("it is tuned within bytes=64KiB, not bytes=64KiB, bytes=32KiB"), "{stderr}");
 
     // As if the first run had ended before it recorded its choice: its pictures still belong to the table.

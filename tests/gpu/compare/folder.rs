@@ -2,7 +2,7 @@
 
 use super::{TF, read_csv};
 use crate::common;
-use crate::program::umbravox;
+use crate::program::{succeed, umbravox};
 use std::collections::BTreeSet;
 use std::path::Path;
 use umbravox::report::run::{Run, SceneRecord};
@@ -33,14 +33,6 @@ fn names(folder: &Path) -> BTreeSet<String> {
     std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// Runs a command that must succeed, and returns stderr.
-fn done(folder: &Path, args: &[&str]) -> String {
-    let output = umbravox(folder, args);
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{args:?}: {stderr}");
-    stderr
-}
-
 fn refused(folder: &Path, args: &[&str]) -> String {
     let output = umbravox(folder, args);
     assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -60,7 +52,7 @@ fn a_used_folder_is_refused_and_overwriting_removes_its_table_alone() {
     let folder = dir.path();
     let args = [&["compare", "phantom:sphere:16", "-o", "out"], &EFFORT[..]].concat();
     let of = |more: &[&'static str]| [&args[..], more].concat();
-    done(folder, &of(&["--methods", "none;dsm:map=32"]));
+    succeed(folder, &of(&["--methods", "none;dsm:map=32"]));
     let out = folder.join("out");
     let first = names(&out);
     assert!(first.contains("picture_dsm-map-32-epsilon-0.02.png"));
@@ -82,7 +74,7 @@ fn a_used_folder_is_refused_and_overwriting_removes_its_table_alone() {
     let mut run = run;
     run.files.extend(["../elsewhere.txt".into(), folder.join("elsewhere.txt").display().to_string()]);
     run.write(&out).unwrap();
-    done(folder, &of(&["--methods", "none;osm:map=32,layers=4", "--overwrite"]));
+    succeed(folder, &of(&["--methods", "none;osm:map=32,layers=4", "--overwrite"]));
     let second = names(&out);
     assert!(!second.iter().any(|name| name.contains("dsm")), "{second:?}");
     assert!(second.contains("mine.txt") && folder.join("elsewhere.txt").is_file());
@@ -105,7 +97,7 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     let dir = tempfile::tempdir().unwrap();
     let (folder, away) = (dir.path(), tempfile::tempdir().unwrap());
     std::fs::write(folder.join("tf.json"), TF).unwrap();
-    done(folder, &["phantom", "sphere:16", "-o", "ball.nii"]);
+    succeed(folder, &["phantom", "sphere:16", "-o", "ball.nii"]);
     let scene = [
         "--tf=tf.json",
         "--light=point:40.5,-31.25,60.125",
@@ -117,7 +109,7 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     ];
     let methods = ["--methods", "none;dsm:map=32;osm:map=32,layers=4;bom:map=32"];
     let command = [&["compare", "ball.nii", "-o", "out"], &EFFORT[..], &scene, &methods].concat();
-    done(folder, &command);
+    succeed(folder, &command);
     let out = folder.join("out");
     let run = Run::read(&out).unwrap().unwrap();
     assert_eq!(run.command[1..], command);
@@ -135,7 +127,7 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     std::fs::write(away.path().join("transfer_function.json"), TF.replace("0.1", "0.7")).unwrap();
     let words = shell_words(&run.again);
     assert_eq!(words[0], "umbravox");
-    let stderr = done(away.path(), &words[1..].iter().map(String::as_str).collect::<Vec<_>>());
+    let stderr = succeed(away.path(), &words[1..].iter().map(String::as_str).collect::<Vec<_>>()).stderr;
     assert!(!stderr.contains("SHA-256"), "{stderr}");
     let again = away.path().join("again");
     assert_eq!(errors(&out.join("compare.csv")), errors(&again.join("compare.csv")));
@@ -159,9 +151,9 @@ fn a_folder_is_run_again_from_what_is_in_it_to_the_same_errors() {
     assert!(text("Software").contains(env!("CARGO_PKG_VERSION")));
 
     // Another volume under that name gives a warning, and is measured.
-    done(away.path(), &["phantom", "slab:16", "-o", "ball.nii"]);
+    succeed(away.path(), &["phantom", "slab:16", "-o", "ball.nii"]);
     let other = [&words[1..words.len() - 1], &["other".to_owned()]].concat();
-    let stderr = done(away.path(), &other.iter().map(String::as_str).collect::<Vec<_>>());
+    let stderr = succeed(away.path(), &other.iter().map(String::as_str).collect::<Vec<_>>()).stderr;
     assert!(stderr.contains("warning: ball.nii is not the file that was meant: its SHA-256"), "{stderr}");
 }
 
@@ -232,10 +224,10 @@ fn pages_stand_beside_the_table_and_belong_to_it() {
     let text = std::fs::read_to_string(folder.join("out/page.html")).unwrap();
     assert!(text.contains("dsm:epsilon=0.02,map=32,fit=volume") && !text.contains("from=lines"));
     assert!(Run::read(&folder.join("out")).unwrap().unwrap().files.contains(&"page.html".into()));
-    done(folder, &of(&["--methods", "none", "--overwrite"]));
+    succeed(folder, &of(&["--methods", "none", "--overwrite"]));
     assert!(!folder.join("out/page.html").exists());
     let scan = folder.join("scan.nii.gz");
-    done(folder, &["phantom", "sphere:16", "-o", scan.to_str().unwrap()]);
+    succeed(folder, &["phantom", "sphere:16", "-o", scan.to_str().unwrap()]);
     let error = refused(folder, &["compare", "scan.nii.gz", "-o", "other", "--page"]);
     assert!(error.contains("data of this file") && !folder.join("other").exists(), "{error}");
 }

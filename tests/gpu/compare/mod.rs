@@ -13,7 +13,7 @@ mod strands;
 mod table;
 
 use crate::common;
-use crate::program::umbravox;
+use crate::program::{Printed, succeed};
 use std::collections::HashMap;
 use std::path::Path;
 use umbravox::measure::table::COLUMNS;
@@ -25,11 +25,9 @@ pub const TF: &str =
 /// Runs a command in `folder` and returns stdout.
 fn run(folder: &Path, args: &[&str]) -> String {
     std::fs::write(folder.join("tf.json"), TF).unwrap();
-    let output = umbravox(folder, args);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{args:?}: {stderr}");
+    let Printed { stdout, stderr } = succeed(folder, args);
     assert!(stderr.contains("compare.csv") && !stderr.contains("failed"), "{stderr}");
-    String::from_utf8(output.stdout).unwrap()
+    stdout
 }
 
 fn read_csv(path: &Path) -> Vec<HashMap<String, String>> {

@@ -2,20 +2,13 @@
 
 use super::{TF, read_csv};
 use crate::common;
-use crate::program::umbravox;
+use crate::program::{succeed, umbravox};
 use std::collections::HashMap;
 use std::path::Path;
 use umbravox::report::run::Run;
 
 const METHODS: &str = "none;dsm:map=32,epsilon=0.06,0.02;osm:map=32,layers=4";
 const EFFORT: [&str; 5] = ["--size=32x32", "--points=400", "--rays=40", "--depths=30", "--repeats=1"];
-
-fn done(folder: &Path, args: &[&str]) -> String {
-    let output = umbravox(folder, args);
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{args:?}: {stderr}");
-    stderr
-}
 
 fn refused(folder: &Path, args: &[&str]) -> String {
     let output = umbravox(folder, args);
@@ -36,7 +29,7 @@ fn scenes(folder: &Path) {
 
 fn sweep<'a>(folder: &Path, out: &'a str, more: &[&'a str]) -> String {
     let args = ["compare", "--scene=a.toml", "--scene=b.toml", "--methods", METHODS, "-o", out];
-    done(folder, &[&args[..], &EFFORT, more].concat())
+    succeed(folder, &[&args[..], &EFFORT, more].concat()).stderr
 }
 
 /// Table columns that do not depend on the speed of the machine.
@@ -65,7 +58,7 @@ fn shards_put_together_are_the_whole_table() {
     let counts = parts.map(|p| read_csv(&folder.join(p).join("compare.csv")).len());
     assert_eq!(counts, [3, 3, 2]);
     // Parts may be given in any order.
-    done(folder, &["merge", "part3", "part1", "part2", "-o", "all"]);
+    succeed(folder, &["merge", "part3", "part1", "part2", "-o", "all"]);
     let (whole, all) = (folder.join("whole"), folder.join("all"));
     assert_eq!(errors(&whole.join("compare.csv")), errors(&all.join("compare.csv")));
     let names = |folder: &Path| {
@@ -87,7 +80,7 @@ fn shards_put_together_are_the_whole_table() {
     }
     names(&whole).iter().filter(|n| n.starts_with("nodes_") || n.ends_with(".toml")).for_each(|n| same(n));
     // The colour bar of the differences may be chosen again.
-    done(folder, &["merge", "part1", "part2", "part3", "-o", "fixed", "--difference-max", "1"]);
+    succeed(folder, &["merge", "part1", "part2", "part3", "-o", "fixed", "--difference-max", "1"]);
     let name = names(&whole).into_iter().find(|name| name.starts_with("difference_")).unwrap();
     assert!(
         std::fs::read(folder.join("fixed").join(&name)).unwrap() != std::fs::read(all.join(name)).unwrap()
@@ -111,7 +104,7 @@ fn shards_put_together_are_the_whole_table() {
     let stderr = refused(folder, &["merge", "part1", "part3", "-o", "no"]);
     assert!(stderr.contains("3 of 8 rows are in none of them") && stderr.contains("--partial"), "{stderr}");
     assert!(!folder.join("no").exists());
-    done(folder, &["merge", "part1", "part3", "--partial", "-o", "some"]);
+    succeed(folder, &["merge", "part1", "part3", "--partial", "-o", "some"]);
     assert_eq!(read_csv(&folder.join("some/compare.csv")).len(), 5);
     assert!(refused(folder, &["merge", "part1", "whole", "-o", "no"]).contains("is in part1 too"));
     assert!(refused(folder, &["merge", "part1", "part2", "-o", "part1"]).contains("output folder"));
@@ -124,7 +117,7 @@ fn shards_put_together_are_the_whole_table() {
     run.write(&folder.join("part2")).unwrap();
     assert!(refused(folder, &["merge", "part1", "part2", "-o", "no"]).contains("not finished"));
     let slow = ["compare", "--scene=a.toml", "--scene=b.toml", "--methods", METHODS, "-o", "other"];
-    done(folder, &[&slow[..], &EFFORT, &["--shard=2/3", "--light=dir:0,0,1"]].concat());
+    succeed(folder, &[&slow[..], &EFFORT, &["--shard=2/3", "--light=dir:0,0,1"]].concat());
     let stderr = refused(folder, &["merge", "part1", "other", "part3", "-o", "no"]);
     assert!(stderr.contains("its scene ball differs: light = ") && stderr.contains("other"), "{stderr}");
 }
@@ -152,13 +145,13 @@ fn adapters_keep_their_own_fronts_and_files() {
     let folder = dir.path();
     let compare = |out: &str| {
         let methods = ["--methods", "none;dsm:map=32"];
-        done(folder, &[&["compare", "phantom:sphere:16", "-o", out], &EFFORT[..], &methods].concat());
+        succeed(folder, &[&["compare", "phantom:sphere:16", "-o", out], &EFFORT[..], &methods].concat());
     };
     compare("one");
     compare("two");
     assert!(refused(folder, &["merge", "one", "two", "-o", "no"]).contains("is in one too"));
     moved_to(&folder.join("two"), "Planted Card", None);
-    done(folder, &["merge", "one", "two", "-o", "both"]);
+    succeed(folder, &["merge", "one", "two", "-o", "both"]);
     let both = folder.join("both");
     let rows = read_csv(&both.join("compare.csv"));
     assert_eq!(rows.len(), 4);
@@ -194,7 +187,7 @@ fn shards_with_default_settings_are_merged() {
     scenes(folder);
     let sweep = |out: &str, more: &[&str]| {
         let args = ["compare", "--scene=a.toml", "--methods=none;dsm;osm:layers=4;dsm:map=32", "-o", out];
-        done(folder, &[&args[..], &EFFORT, more].concat());
+        succeed(folder, &[&args[..], &EFFORT, more].concat());
         Run::read(&folder.join(out)).unwrap().unwrap()
     };
     let methods = |run: &Run| run.rows.iter().map(|row| row.method.clone()).collect::<Vec<_>>();
@@ -204,7 +197,7 @@ fn shards_with_default_settings_are_merged() {
         assert_eq!(methods(run), methods(&whole), "the scene's map size is no part of the specification");
         assert!(run.rows.iter().all(|row| !row.chosen));
     }
-    done(folder, &["merge", "part1", "part2", "-o", "all"]);
+    succeed(folder, &["merge", "part1", "part2", "-o", "all"]);
     let [whole, all] = ["whole", "all"].map(|name| folder.join(name).join("compare.csv"));
     assert_eq!(errors(&whole), errors(&all));
     assert!(read_csv(&all).iter().all(|row| row["method"] == "none" || !row["map"].is_empty()));

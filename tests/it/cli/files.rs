@@ -1,6 +1,6 @@
 //! Files named on the command line: transfer functions, scenes, rays, outputs.
 
-use crate::program::{refused, umbravox};
+use crate::program::{Printed, refused, succeed};
 use std::fs;
 use std::process::Command;
 use std::time::Duration;
@@ -91,8 +91,7 @@ fn flags_win_over_the_scene_file() {
     let rays = [&rays[..], &["phantom:sphere:8"]].concat();
     assert!(refused(dir.path(), &rays).contains("eye is at the target"));
     let rays = [&rays[..], &["--eye=-50,1,1"]].concat();
-    let output = umbravox(dir.path(), &rays);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(dir.path(), &rays);
 }
 
 #[test]
@@ -102,17 +101,14 @@ fn rays_are_answered_in_order_and_bad_ones_refused_by_line() {
     fs::write(dir.path().join("tf.json"), r#"{"points": [{"value": 0, "opacity": 0.5}]}"#).unwrap();
     fs::write(dir.path().join("rays.txt"), "0.25 0 0 2.25 0 0\n\n0 0 900 0 0 901\n").unwrap();
     let run = ["probe", "phantom:sphere:8", "--tf", "tf.json", "--rays", "rays.txt"];
-    let output = umbravox(dir.path(), &run);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
+    let text = succeed(dir.path(), &run).stdout;
     let numbers: Vec<f64> = text.split_whitespace().map(|w| w.parse().unwrap()).collect();
     assert_eq!(numbers.len(), 4, "{text}");
     assert!((numbers[0] - 2.0 * std::f64::consts::LN_2).abs() < 1e-12 && (numbers[1] - 0.25).abs() < 1e-12);
     assert_eq!(numbers[2..], [0.0, 1.0]);
 
     // With --header the first line names the columns.
-    let output = umbravox(dir.path(), &[&run[..], &["--header"]].concat());
-    let headed = String::from_utf8(output.stdout).unwrap();
+    let headed = succeed(dir.path(), &[&run[..], &["--header"]].concat()).stdout;
     assert_eq!(headed, format!("# optical_depth transmittance\n{text}"));
 
     fs::write(dir.path().join("rays.txt"), "0 0 0 1 1 1\n0 0 x 1 1 1\n").unwrap();
@@ -142,12 +138,10 @@ fn outputs_are_refused_before_the_work() {
 #[test]
 fn phantoms_written_and_read_again_say_the_same() {
     let dir = tempfile::tempdir().unwrap();
-    let output = umbravox(dir.path(), &["phantom", "sphere:12", "-o", "s.nii.gz"]);
-    assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty(), "{output:?}");
-    let info = |volume: &str| {
-        let output = umbravox(dir.path(), &["info", volume, "--json"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    let Printed { stdout, stderr } = succeed(dir.path(), &["phantom", "sphere:12", "-o", "s.nii.gz"]);
+    assert!(stdout.is_empty() && stderr.is_empty(), "{stdout}{stderr}");
+    let info = |volume: &str| -> serde_json::Value {
+        serde_json::from_str(&succeed(dir.path(), &["info", volume, "--json"]).stdout).unwrap()
     };
     let (file, built_in) = (info("s.nii.gz"), info("phantom:sphere:12"));
     for key in ["dims", "affine", "value_range"] {

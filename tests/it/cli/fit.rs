@@ -1,19 +1,11 @@
 //! `--downsample`: fewer voxels at the right places, with a note in numbers. A volume too large for the machine is
 //! refused before it is read.
 
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed};
 use std::fs::File;
 use std::path::Path;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::volume::Volume;
-
-/// Runs a command line that must succeed, and returns its stderr and stdout.
-fn done(folder: &Path, args: &[&str]) -> String {
-    let output = umbravox(folder, args);
-    let said = String::from_utf8([output.stderr, output.stdout].concat()).unwrap();
-    assert!(output.status.success(), "{args:?}: {said}");
-    said
-}
 
 fn read(folder: &Path, name: &str) -> Volume {
     load(&VolumeSpec::new(folder.join(name).to_string_lossy())).unwrap()
@@ -24,11 +16,12 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for name in ["whole.nii.gz", "whole.nrrd", "whole.npy", "whole.raw"] {
-        done(at, &["convert", "phantom:thorax:50", "-o", name]);
-        let said = done(at, &["convert", name, "--downsample=2x3x1", "-o", "streamed.nii"]);
+        succeed(at, &["convert", "phantom:thorax:50", "-o", name]);
+        let said = succeed(at, &["convert", name, "--downsample=2x3x1", "-o", "streamed.nii"]).stderr;
         assert!(said.contains("reduced by 2x3x1 from 50 x 37 x 25 to 25 x 13 x 25"), "{name}: {said}");
         // A cropped part must be read before it is downsampled.
-        let said = done(at, &["convert", name, "--crop", "0:49,,", "--downsample=2x3x1", "-o", "after.nii"]);
+        let cropped = ["convert", name, "--crop", "0:49,,", "--downsample=2x3x1", "-o", "after.nii"];
+        let said = succeed(at, &cropped).stderr;
         assert!(said.contains("reduced by 2x3x1"), "{name}: {said}");
         let [streamed, after] = ["streamed.nii", "after.nii"].map(|name| read(at, name));
         assert_eq!(streamed.resident().unwrap(), after.resident().unwrap(), "{name}");
@@ -37,10 +30,10 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
         let mean = (0..6).map(|n| whole.value(10 + n % 2, 12 + n / 2, 7)).sum::<f64>() / 6.0;
         assert!((streamed.value(5, 4, 7) - mean).abs() <= 0.5, "{name}");
     }
-    let said = done(at, &["info", "whole.nrrd", "--downsample=20kB"]);
+    let said = succeed(at, &["info", "whole.nrrd", "--downsample=20kB"]).stdout;
     assert!(said.contains("reduced by 2x2x2 from 50 x 37 x 25 to 25 x 19 x 13"), "{said}");
     // A volume that fits is not changed, and there is no note.
-    assert!(!done(at, &["info", "whole.nrrd", "--downsample"]).contains("reduced"));
+    assert!(!succeed(at, &["info", "whole.nrrd", "--downsample"]).stdout.contains("reduced"));
     assert!(refused(at, &["info", "whole.nrrd", "--downsample=2x2"]).contains("--downsample"));
     assert!(
         refused(at, &["info", "whole.nrrd", "--downsample=1B"]).contains("cannot be reduced to fit 1 bytes")

@@ -1,12 +1,11 @@
 //! Command line: help, flags and their values.
 
-use crate::program::{refused, umbravox};
+use crate::program::{Printed, refused, succeed, umbravox};
 
 fn stdout(args: &[&str]) -> String {
-    let output = umbravox(std::env::temp_dir().as_path(), args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    assert!(output.stderr.is_empty(), "{args:?} wrote to stderr");
-    String::from_utf8(output.stdout).unwrap()
+    let Printed { stdout, stderr } = succeed(&std::env::temp_dir(), args);
+    assert!(stderr.is_empty(), "{args:?} wrote to stderr");
+    stdout
 }
 
 #[test]
@@ -217,12 +216,11 @@ fn hints_name_what_was_meant() {
 #[test]
 fn methods_are_listed_with_their_settings() {
     let dir = tempfile::tempdir().unwrap();
-    let printed = |line: &[&str]| String::from_utf8(umbravox(dir.path(), line).stdout).unwrap();
-    let all = printed(&["methods"]);
-    assert_eq!(printed(&["help", "methods"]), all);
+    let all = stdout(&["methods"]);
+    assert_eq!(stdout(&["help", "methods"]), all);
     for method in umbravox::shadow::METHODS {
         assert!(all.lines().any(|line| line.starts_with(&format!("{} ", method.name))), "{}", method.name);
-        let own = printed(&["methods", method.name]);
+        let own = stdout(&["methods", method.name]);
         assert!(
             method.keys.iter().all(|key| own.contains(&format!("\n{}={}", key.name, key.values()))),
             "{own}"
@@ -235,10 +233,10 @@ fn methods_are_listed_with_their_settings() {
 fn completions_and_man_pages_are_made() {
     let dir = tempfile::tempdir().unwrap();
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
-        let script = String::from_utf8(umbravox(dir.path(), &["completions", shell]).stdout).unwrap();
+        let script = stdout(&["completions", shell]);
         assert!(script.contains("umbravox") && script.contains("opacity-scale"), "{shell}");
     }
-    assert!(umbravox(dir.path(), &["completions", "--man", "."]).status.success());
+    succeed(dir.path(), &["completions", "--man", "."]);
     let page = std::fs::read_to_string(dir.path().join("umbravox-render.1")).unwrap();
     assert!(page.contains(".TH") && page.contains("opacity\\-scale"), "{page}");
     assert!(refused(dir.path(), &["completions"]).contains("required"));

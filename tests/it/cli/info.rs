@@ -1,7 +1,7 @@
 //! `umbravox info` on several inputs, DICOM folders and tracks.
 
 use crate::common::scan;
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use serde_json::Value;
 use std::path::Path;
 
@@ -11,9 +11,7 @@ fn fixture(name: &str) -> String {
 
 /// Returns what `umbravox info ARGS` prints to stdout.
 fn info(args: &[&str]) -> String {
-    let output = umbravox(Path::new("."), &[&["info"], args].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    succeed(Path::new("."), &[&["info"], args].concat()).stdout
 }
 
 #[test]

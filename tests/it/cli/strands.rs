@@ -1,14 +1,12 @@
 //! Strands on the command line: they are written, voxelised, and read wherever a volume is accepted.
 
-use crate::program::{refused, umbravox};
+use crate::program::{refused, succeed, umbravox};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
 fn stdout(folder: &Path, args: &[&str]) -> String {
-    let output = umbravox(folder, args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    succeed(folder, args).stdout
 }
 
 fn json(folder: &Path, args: &[&str]) -> Value {
@@ -113,22 +111,21 @@ fn strands_are_drawn_in_a_volume_and_written_to_the_scene_file() {
     fs::write(here.join("a.obj"), "v -60 0 -40\nv 0 10 0\nv 60 0 40\nl 1 2 3\nl 2\n").unwrap();
     let render = |out: &str, more: &[&str]| {
         let base = ["render", "phantom:thorax:24", "--size=32x32", "--shadow=rays", "-o", out];
-        umbravox(here, &[&base[..], more].concat())
+        succeed(here, &[&base[..], more].concat()).stderr
     };
     if !crate::common::has_adapter() {
         return;
     }
-    let output = render("with.npy", &["--strands", "a.obj,thickness=12,color=#ff0000"]);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("a.obj: 1 lines of fewer"), "{said}");
-    assert!(render("without.npy", &[]).status.success());
+    let said = render("with.npy", &["--strands", "a.obj,thickness=12,color=#ff0000"]);
+    assert!(said.contains("a.obj: 1 lines of fewer"), "{said}");
+    render("without.npy", &[]);
     fs::write(
         here.join("scene.toml"),
         "volume = 'phantom:thorax:24'\nstrands = ['a.obj,color=#ff0000,thickness=12']",
     )
     .unwrap();
     let scene = ["render", "--scene=scene.toml", "--size=32x32", "--shadow=rays", "-o", "scene.npy"];
-    assert!(umbravox(here, &scene).status.success());
+    succeed(here, &scene);
     let [with, without, scene] =
         ["with", "without", "scene"].map(|n| fs::read(here.join(format!("{n}.npy"))).unwrap());
     assert!(with == scene && with != without);
@@ -143,8 +140,7 @@ fn strands_are_drawn_in_a_volume_and_written_to_the_scene_file() {
         "--repeats=1",
     ];
     let more = ["--strands", "a.obj,thickness=12", "--strands=phantom:hair-fur:24", "-o", "table"];
-    let output = umbravox(here, &[&table[..], &more].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(here, &[&table[..], &more].concat());
     let kept = fs::read_to_string(here.join("table/scene.toml")).unwrap();
     let line = kept.lines().find(|l| l.starts_with("strands = ")).unwrap();
     assert!(

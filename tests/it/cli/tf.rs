@@ -1,7 +1,7 @@
 //! `tf list`, `tf export` and `tf convert`, and transfer-function files of other programs on the command line.
 
 use crate::common;
-use crate::program::{refused, umbravox};
+use crate::program::{Printed, refused, succeed};
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
@@ -13,18 +13,11 @@ const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n6 -100 0 300 0.25 900 1\n4 0 1 255 1\
 const PARAVIEW: &str = r#"[{"ColorSpace": "Lab", "Name": "Bones",
     "Points": [-100, 0, 0.5, 0, 300, 0.25, 0.5, 0, 900, 1, 0.5, 0], "RGBPoints": [-100, 0, 0, 0, 900, 1, 1, 1]}]"#;
 
-/// Runs a command line that must succeed, and returns stdout and stderr.
-fn done(folder: &Path, args: &[&str]) -> (String, String) {
-    let output = umbravox(folder, args);
-    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    assert!(output.status.success(), "{args:?}: {err}");
-    (out, err)
-}
-
 /// Optical depth of one ray across a volume, by `umbravox probe`.
 fn depth(folder: &Path, args: &[&str]) -> (f64, String) {
     fs::write(folder.join("rays.txt"), "-500 1 2 500 2 1\n").unwrap();
-    let (out, err) = done(folder, &[&["probe"], args, &["--rays", "rays.txt"]].concat());
+    let Printed { stdout: out, stderr: err } =
+        succeed(folder, &[&["probe"], args, &["--rays", "rays.txt"]].concat());
     let line = out.lines().find(|l| l.starts_with(|c: char| c.is_ascii_digit())).unwrap().to_owned();
     (line.split_whitespace().next().unwrap().parse().unwrap(), err)
 }
@@ -32,15 +25,16 @@ fn depth(folder: &Path, args: &[&str]) -> (f64, String) {
 #[test]
 fn presets_are_listed_and_exported() {
     let dir = tempfile::tempdir().unwrap();
-    let (text, _) = done(dir.path(), &["tf", "list"]);
+    let text = succeed(dir.path(), &["tf", "list"]).stdout;
     let json: serde_json::Value =
-        serde_json::from_str(&done(dir.path(), &["tf", "list", "--json"]).0).unwrap();
+        serde_json::from_str(&succeed(dir.path(), &["tf", "list", "--json"]).stdout).unwrap();
     assert_eq!(json.as_array().unwrap().len(), PRESETS.len());
     for (preset, listed) in PRESETS.iter().zip(json.as_array().unwrap()) {
         assert!(text.contains(preset.about) && listed["name"] == preset.name, "{}", preset.name);
         assert_eq!(listed["points"], preset.transfer_function().points.len());
         let path = dir.path().join(format!("{}.json", preset.name));
-        let (out, err) = done(dir.path(), &["tf", "export", preset.name, "-o", path.to_str().unwrap()]);
+        let Printed { stdout: out, stderr: err } =
+            succeed(dir.path(), &["tf", "export", preset.name, "-o", path.to_str().unwrap()]);
         assert_eq!((out.as_str(), err.as_str()), ("", ""));
         assert_eq!(TransferFunction::read(&path).unwrap(), preset.transfer_function());
     }
@@ -60,7 +54,8 @@ fn files_of_other_programs_are_converted_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("a.vp"), VP).unwrap();
     fs::write(dir.path().join("b.json"), PARAVIEW).unwrap();
-    let (out, err) = done(dir.path(), &["tf", "convert", "a.vp", "-o", "a.json", "--json"]);
+    let Printed { stdout: out, stderr: err } =
+        succeed(dir.path(), &["tf", "convert", "a.vp", "-o", "a.json", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert_eq!((json["from"].as_str(), json["to"].as_str()), (Some("vp"), Some("umbravox")));
     assert_eq!(json["warnings"].as_array().unwrap().len(), 2);
@@ -78,11 +73,11 @@ fn files_of_other_programs_are_converted_and_reported() {
         "{paraview} {itself}: {said}"
     );
     for (to, output) in [("paraview", "c.json"), ("vp", "c.vp")] {
-        done(dir.path(), &["tf", "convert", "a.json", "--to", to, "-o", output]);
+        succeed(dir.path(), &["tf", "convert", "a.json", "--to", to, "-o", output]);
         let (again, _) = depth(dir.path(), &["phantom:thorax:16", "--tf", output]);
         assert!((again / itself - 1.0).abs() < 2e-3, "{to}: {again} {itself}");
     }
-    done(dir.path(), &["tf", "export", "engine", "--range", "-10,300", "-o", "e.vp"]);
+    succeed(dir.path(), &["tf", "export", "engine", "--range", "-10,300", "-o", "e.vp"]);
     let engine = fs::read_to_string(dir.path().join("e.vp")).unwrap();
     assert!(engine.lines().nth(6).unwrap().starts_with("16 27.19"), "0.12 of -10 to 300 is 27.2: {engine}");
 }
@@ -166,18 +161,18 @@ fn gradient_opacity_is_given_in_every_way() {
     let by_mm = with(&["--tf", "plain.vp", "--gradient-opacity", "0:0.25,255:1"]).0;
     assert!((by_mm - slicer).abs() > 1e-3, "voxels of thorax:16 are wider than 1 mm");
     for output in ["a.json", "a.vp"] {
-        done(dir.path(), &["tf", "convert", "faint.vp", "-o", output]);
+        succeed(dir.path(), &["tf", "convert", "faint.vp", "-o", output]);
         let again = with(&["--tf", output]).0;
         assert!((again / slicer - 1.0).abs() < 2e-3, "{output}: {again} {slicer}");
     }
-    let (_, said) = done(dir.path(), &["tf", "convert", "faint.vp", "--to", "paraview", "-o", "p.json"]);
+    let said = succeed(dir.path(), &["tf", "convert", "faint.vp", "--to", "paraview", "-o", "p.json"]).stderr;
     assert!(said.contains("gradient opacity was left out"), "{said}");
 }
 
 #[test]
 fn gradient_opacity_is_refused_where_it_has_no_counterpart() {
     let dir = tempfile::tempdir().unwrap();
-    done(dir.path(), &["phantom", "slab:8", "-o", "labels.nii.gz"]);
+    succeed(dir.path(), &["phantom", "slab:8", "-o", "labels.nii.gz"]);
     let bone = PRESETS.iter().find(|p| p.name == "bone").unwrap().transfer_function();
     let own = bone.with_gradient_opacity("0:0,5:1".parse().unwrap());
     own.write(&dir.path().join("own.json")).unwrap();
@@ -211,7 +206,7 @@ fn small_volumes_show_something_and_a_note_says_by_what_factor() {
         let line = ["v_32x32x32_u8.raw", "--spacing", spacing, "--tf", "engine"];
         fs::write(dir.path().join("rays.txt"), "-500 -500 -500 500 500 500\n").unwrap();
         let args = [&["probe"], &line[..], more, &["--rays", "rays.txt"]].concat();
-        let (out, err) = done(dir.path(), &args);
+        let Printed { stdout: out, stderr: err } = succeed(dir.path(), &args);
         let line = out.lines().find(|l| l.starts_with(|c: char| c.is_ascii_digit())).unwrap().to_owned();
         (line.split_whitespace().next().unwrap().parse::<f64>().unwrap(), err)
     };
@@ -231,12 +226,12 @@ fn small_volumes_show_something_and_a_note_says_by_what_factor() {
 #[test]
 fn info_says_what_values_are_taken_for_and_why() {
     let dir = tempfile::tempdir().unwrap();
-    let (text, _) = done(dir.path(), &["info", "phantom:thorax:16"]);
+    let text = succeed(dir.path(), &["info", "phantom:thorax:16"]).stdout;
     assert!(text.contains("taken as     HU (built in)"), "{text}");
     // Counts of 16 bits that no scanner of HU makes.
     let voxels: Vec<u8> = (0..4096u32).flat_map(|i| ((762 + i) as u16).to_le_bytes()).collect();
     fs::write(dir.path().join("v_16x16x16_u16.raw"), voxels).unwrap();
-    let (text, _) = done(dir.path(), &["info", "v_16x16x16_u16.raw"]);
+    let text = succeed(dir.path(), &["info", "v_16x16x16_u16.raw"]).stdout;
     for part in ["not HU (", "no air about -1000; guessed from the values"] {
         assert!(text.contains(part), "{text}");
     }
@@ -245,7 +240,7 @@ fn info_says_what_values_are_taken_for_and_why() {
     {
         let mut args = vec!["info", "v_16x16x16_u16.raw", "--json"];
         args.extend(units.iter().flat_map(|units| ["--units", units]));
-        let json: serde_json::Value = serde_json::from_str(&done(dir.path(), &args).0).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&succeed(dir.path(), &args).stdout).unwrap();
         assert_eq!((&json["units"], &json["units_guessed"]), (&taken.into(), &by_values.into()), "{units:?}");
     }
     let line = ["v_16x16x16_u16.raw", "--spacing", "1,1,1"];
@@ -266,7 +261,7 @@ fn real_scans_are_taken_for_what_they_are() {
         let Some(path) = common::scan(name) else { continue };
         let path = path.to_str().unwrap();
         let json: serde_json::Value =
-            serde_json::from_str(&done(dir.path(), &["info", path, "--json"]).0).unwrap();
+            serde_json::from_str(&succeed(dir.path(), &["info", path, "--json"]).stdout).unwrap();
         assert!(
             json["units"] == units && json["units_why"].as_str().unwrap().contains(said),
             "{name}: {json}"

@@ -1,7 +1,7 @@
 //! Volumes that are read in parts are those that are read whole, to the last bit.
 
 use super::{Expected, folder, read};
-use crate::program::umbravox;
+use crate::program::{succeed, umbravox};
 use glam::DVec3;
 use std::path::Path;
 use umbravox::exact::ExactField;
@@ -49,8 +49,7 @@ fn files_of_other_writers_are_the_same_in_parts() {
 }
 
 fn converted(folder: &Path, name: &str) -> [Volume; 2] {
-    let said = umbravox(folder, &["convert", "phantom:thorax:150", "-o", name]);
-    assert!(said.status.success(), "{said:?}");
+    succeed(folder, &["convert", "phantom:thorax:150", "-o", name]);
     let source = folder.join(name).to_string_lossy().into_owned();
     let flags = ReadFlags::default();
     [flags.clone(), in_parts(&flags, folder)]
