@@ -1,7 +1,6 @@
 //! Opaque objects in a volume: against the exact picture, closed forms, and the geometric shadow of a sphere.
 
 use super::*;
-use glam::DVec2;
 use umbravox::mesh::{Mesh, MeshPart};
 use umbravox::scene::{Camera, LightSource, Shading, Skip};
 
@@ -26,13 +25,13 @@ fn square(center: DVec3, x: DVec3, y: DVec3) -> Vec<[DVec3; 3]> {
     vec![[a, b, c], [a, c, d]]
 }
 
+fn part(triangles: &[[DVec3; 3]], color: [f64; 3]) -> MeshPart {
+    MeshPart { source: "test".into(), color, triangles: triangles.to_vec() }
+}
+
 fn mesh(parts: &[(&[[DVec3; 3]], [f64; 3])]) -> Option<Arc<Mesh>> {
-    let part = |(triangles, color): &(&[[DVec3; 3]], [f64; 3])| MeshPart {
-        source: "test".into(),
-        color: *color,
-        triangles: triangles.to_vec(),
-    };
-    Some(Arc::new(Mesh::new(parts.iter().map(part).collect()).unwrap()))
+    let parts = parts.iter().map(|(triangles, color)| part(triangles, *color));
+    Some(Arc::new(Mesh::new(parts.collect()).unwrap()))
 }
 
 const GREEN: [f64; 3] = [0.2, 0.8, 0.3];
@@ -120,57 +119,67 @@ fn a_wall_in_an_even_medium_is_as_computed() {
     assert!((0..3).all(|c| dark[[4, 4, c]] == 0.0), "{dark}");
 }
 
-/// A ball above a floor, in a volume without extinction, casts its geometric shadow.
-#[test]
-fn a_ball_hides_what_lies_behind_it() {
+/// Compares pictures of an opaque object above a white floor, in a volume without extinction, with its geometric shadow
+/// on the floor. `misses` says whether a ray misses the object; `None` where the object's triangles may differ from it.
+/// `fewest` are the least numbers of pixels in shadow and in light.
+pub fn compare_with_geometric_shadow(
+    object: MeshPart,
+    methods: &[&str],
+    side: u32,
+    fewest: [usize; 2],
+    misses: impl Fn(DVec3, DVec3) -> Option<bool>,
+) {
     let nothing = Array3::from_elem((8, 8, 8), 0.0f32);
     let volume = Arc::new(volume_of(Voxels::F32(nothing), DAffine3::IDENTITY));
     let Some(setup) = Setup::open(&volume, &extinction(&[(500.0, 0.0), (1000.0, 1.0)])) else { return };
-    let (center, radius) = (DVec3::new(4.0, 4.0, 12.0), 3.0);
-    let floor = square(DVec3::new(4.0, 4.0, -2.0), 30.0 * DVec3::X, 30.0 * DVec3::Y);
-    let things = mesh(&[(&sphere(center, radius, 64), GREEN), (&floor, [1.0; 3])]);
+    let below = DVec3::new(4.0, 4.0, -2.0);
+    let floor = part(&square(below, 30.0 * DVec3::X, 30.0 * DVec3::Y), [1.0; 3]);
+    let mesh = Some(Arc::new(Mesh::new(vec![object, floor]).unwrap()));
     // A view from straight above, so that a pixel's place on the floor is known.
-    let camera = Camera {
-        eye: DVec3::new(4.0, 4.0, 400.0),
-        target: DVec3::new(4.0, 4.0, 0.0),
-        up: DVec3::Y,
-        fov_deg: 7.0,
-    };
+    let eye = DVec3::new(4.0, 4.0, 400.0);
+    let camera = Camera { eye, target: DVec3::new(4.0, 4.0, 0.0), up: DVec3::Y, fov_deg: 7.0 };
     for light in [
         Light::Directional { toward: DVec3::new(0.6, 0.3, 1.0) },
         Light::Point { position: DVec3::new(14.0, -3.0, 30.0) },
     ] {
-        let scene = Scene {
-            camera,
-            lights: vec![light.into()],
-            ambient: 0.25,
-            mesh: things.clone(),
-            ..setup.scene(64, 64)
-        };
-        for method in ["rays", "dsm", "lightvolume", "moments"] {
-            let picture = setup.picture(method, &scene);
+        let (mesh, lights) = (mesh.clone(), vec![light.into()]);
+        let scene = Scene { camera, lights, ambient: 0.25, mesh, ..setup.scene(side, side) };
+        for method in methods {
+            let picture = match *method {
+                "exact" => setup.exact().picture(&scene),
+                method => setup.picture(method, &scene),
+            };
             let mut counted = [0; 2];
-            for (row, column) in (0..64).flat_map(|r| (0..64).map(move |c| (r, c))) {
-                let direction = camera.ray_direction(f64::from(column), f64::from(row), 64, 64);
-                let x = camera.eye + (-2.0 - camera.eye.z) / direction.z * direction;
+            for (row, column) in (0..side).flat_map(|r| (0..side).map(move |c| (r, c))) {
+                let direction = camera.ray_direction(f64::from(column), f64::from(row), side, side);
+                let x = eye + (below.z - eye.z) / direction.z * direction;
                 let (toward, _) = light.from_point(x);
-                // Distance of the ball's surface from the ray to the light, and from the eye ray.
-                let beside = |o: DVec3, d: DVec3| (center - o).cross(d).length() - radius;
-                let (from_light, from_eye) = (beside(x, toward), beside(camera.eye, direction));
-                let inside = DVec2::new(x.x - 4.0, x.y - 4.0).abs().max_element() < 29.0;
-                // The sphere consists of triangles: pixels next to its outline are not tested.
-                if from_eye < 0.1 || from_light.abs() < 0.05 || !inside {
-                    continue;
-                }
-                let lit = if from_light > 0.0 { toward.z } else { 0.0 };
-                counted[usize::from(from_light > 0.0)] += 1;
+                let is_floor = misses(eye, direction) == Some(true) && (x - below).abs().max_element() < 29.0;
+                let (Some(is_lit), true) = (misses(x, toward), is_floor) else { continue };
+                counted[usize::from(is_lit)] += 1;
+                let wanted = 0.25 + if is_lit { 0.75 * toward.z } else { 0.0 };
                 let found = f64::from(picture[[row as usize, column as usize, 0]]);
-                let wanted = 0.25 + 0.75 * lit;
                 assert!((found - wanted).abs() < 1e-4, "{method}, {x}: {found} for {wanted}");
             }
-            assert!(counted[0] > 20 && counted[1] > 500, "{counted:?}");
+            assert!(counted[0] > fewest[0] && counted[1] > fewest[1], "{counted:?}");
         }
     }
+}
+
+#[test]
+fn a_ball_hides_what_lies_behind_it() {
+    let (center, radius) = (DVec3::new(4.0, 4.0, 12.0), 3.0);
+    let ball = part(&sphere(center, radius, 64), GREEN);
+    compare_with_geometric_shadow(
+        ball,
+        &["rays", "dsm", "lightvolume", "moments"],
+        64,
+        [20, 500],
+        |from, along| {
+            let from_surface = (center - from).cross(along).length() - radius;
+            (from_surface.abs() > 0.05).then_some(from_surface > 0.0)
+        },
+    );
 }
 
 #[test]

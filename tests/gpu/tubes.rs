@@ -1,11 +1,10 @@
 //! Strands as opaque tubes: geometric shadows on a floor and in a homogeneous medium, and the exact picture.
 
+use super::mesh::compare_with_geometric_shadow;
 use super::*;
 use umbravox::mesh::{Mesh, MeshPart};
 use umbravox::scene::{Camera, LightSource};
 use umbravox::strands::{Attribute, MOST_TRIANGLES, StrandArrays, Strands, tubes};
-
-const BLUE: [f64; 3] = [0.1, 0.3, 0.9];
 
 fn strand(points: &[DVec3], diameter_mm: f32) -> Strands {
     let arrays = StrandArrays {
@@ -20,16 +19,15 @@ fn strand(points: &[DVec3], diameter_mm: f32) -> Strands {
     Strands::new("test", arrays).unwrap()
 }
 
-/// Opaque mesh of the tubes of strands and further white triangles.
-fn things(strands: &Strands, more: &[[DVec3; 3]]) -> Option<Arc<Mesh>> {
+/// Opaque tubes of strands.
+fn tube(strands: &Strands) -> MeshPart {
     let made = tubes(strands, MOST_TRIANGLES).unwrap();
     assert_eq!(made.sides, 12);
-    let part = |color: [f64; 3], triangles| MeshPart { source: "test".into(), color, triangles };
-    let mut parts = vec![part(BLUE, made.triangles)];
-    if !more.is_empty() {
-        parts.push(part([1.0; 3], more.to_vec()));
-    }
-    Some(Arc::new(Mesh::new(parts).unwrap()))
+    MeshPart { source: "test".into(), color: [0.1, 0.3, 0.9], triangles: made.triangles }
+}
+
+fn mesh(strands: &Strands) -> Option<Arc<Mesh>> {
+    Some(Arc::new(Mesh::new(vec![tube(strands)]).unwrap()))
 }
 
 /// Smallest distance of a ray (`direction` of length 1) from a straight strand, and whether it is at an end of the
@@ -61,52 +59,11 @@ fn misses(origin: DVec3, direction: DVec3, ends: [DVec3; 2], radius: f64) -> Opt
 
 #[test]
 fn a_straight_strand_hides_what_its_cylinder_hides() {
-    let nothing = Array3::from_elem((8, 8, 8), 0.0f32);
-    let volume = Arc::new(volume_of(Voxels::F32(nothing), DAffine3::IDENTITY));
-    let Some(setup) = Setup::open(&volume, &extinction(&[(500.0, 0.0), (1000.0, 1.0)])) else { return };
     let ends = [DVec3::new(-1.0, 1.0, 10.0), DVec3::new(8.0, 6.0, 13.0)];
     let radius = 2.0;
-    let corner = |x: f64, y: f64| DVec3::new(4.0 + 30.0 * x, 4.0 + 30.0 * y, -2.0);
-    let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    let mesh = things(&strand(&ends, 2.0 * radius as f32), &[[a, b, c], [a, c, d]]);
-    let camera = Camera {
-        eye: DVec3::new(4.0, 4.0, 400.0),
-        target: DVec3::new(4.0, 4.0, 0.0),
-        up: DVec3::Y,
-        fov_deg: 7.0,
-    };
-    for light in [
-        Light::Directional { toward: DVec3::new(0.6, 0.3, 1.0) },
-        Light::Point { position: DVec3::new(14.0, -3.0, 30.0) },
-    ] {
-        let scene = Scene {
-            camera,
-            lights: vec![light.into()],
-            ambient: 0.25,
-            mesh: mesh.clone(),
-            ..setup.scene(96, 96)
-        };
-        let exact = setup.exact().picture(&scene);
-        for (what, picture) in
-            [("rays", setup.picture("rays", &scene)), ("dsm", setup.picture("dsm", &scene)), ("exact", exact)]
-        {
-            let mut counted = [0; 2];
-            for (row, column) in (0..96).flat_map(|r| (0..96).map(move |c| (r, c))) {
-                let direction = camera.ray_direction(f64::from(column), f64::from(row), 96, 96);
-                let x = camera.eye + (-2.0 - camera.eye.z) / direction.z * direction;
-                let (toward, _) = light.from_point(x);
-                let is_lit = misses(x, toward, ends, radius);
-                let is_seen = misses(camera.eye, direction, ends, radius) == Some(true);
-                let inside = (x - DVec3::new(4.0, 4.0, x.z)).abs().max_element() < 29.0;
-                let (Some(is_lit), true, true) = (is_lit, is_seen, inside) else { continue };
-                counted[usize::from(is_lit)] += 1;
-                let wanted = 0.25 + if is_lit { 0.75 * toward.z } else { 0.0 };
-                let found = f64::from(picture[[row as usize, column as usize, 0]]);
-                assert!((found - wanted).abs() < 1e-4, "{what}, {x}: {found} for {wanted}");
-            }
-            assert!(counted[0] > 60 && counted[1] > 2000, "{counted:?}");
-        }
-    }
+    let tube = tube(&strand(&ends, 2.0 * radius as f32));
+    let is_free = |from, along| misses(from, along, ends, radius);
+    compare_with_geometric_shadow(tube, &["rays", "dsm", "exact"], 96, [60, 2000], is_free);
 }
 
 /// A strand in a homogeneous medium under a light from above casts a dark shadow below it, visible from the side.
@@ -120,7 +77,7 @@ fn a_strand_casts_its_shadow_into_the_medium() {
     let (medium, ambient) = (tf.color(1000.0)[0], 0.1);
     let ends = [DVec3::new(10.0, 20.0, 28.0), DVec3::new(30.0, 20.0, 28.0)];
     let radius = 3.0;
-    let mesh = things(&strand(&ends, 2.0 * radius as f32), &[]);
+    let mesh = mesh(&strand(&ends, 2.0 * radius as f32));
     let camera = Camera {
         eye: DVec3::new(24.0, -120.0, 40.0),
         target: DVec3::new(19.5, 19.5, 19.5),
@@ -187,7 +144,7 @@ fn a_bent_strand_in_a_chest_is_drawn_as_the_exact_picture_has_it() {
         center + size * DVec3::new(0.5 * (6.0 * t).cos(), 0.5 * (6.0 * t).sin(), 0.8 * t - 0.4)
     };
     let points: Vec<DVec3> = (0..=30).map(curve).collect();
-    let mesh = things(&strand(&points, 0.06 * size.x as f32), &[]);
+    let mesh = mesh(&strand(&points, 0.06 * size.x as f32));
     for (place, light) in lights(&volume) {
         let scene = Scene { lights: vec![light.into()], mesh: mesh.clone(), ..setup.scene(40, 30) };
         let exact = setup.exact().picture(&scene);
