@@ -61,16 +61,9 @@ impl EnclosureTest<'_> {
             let points: Vec<DVec3> =
                 rays.iter().flat_map(|r| r.depths_mm.iter().map(|z| r.ray.at(*z))).collect();
             let found = enclosure.query(session, &points)?;
-            let mut rest = &found[..];
-            let mut own = Vec::with_capacity(rays.len());
-            for ray in &rays {
-                let (first, others) = rest.split_at(ray.depths_mm.len());
-                own.push((ray, first));
-                rest = others;
-            }
-            let reports: Vec<_> =
-                own.into_par_iter().map(|(ray, found)| ray.report(found, &nearby)).collect();
-            report = reports.into_iter().fold(report, PointReport::merge);
+            let points_of = |ray: &TestedRay<'_>| ray.depths_mm.len();
+            let of = |ray: &TestedRay<'_>, found: &[[f32; 2]]| ray.report(found, &nearby);
+            report = report.merge(PointReport::of_all(&rays, &found, points_of, of));
         }
         Ok(report)
     }

@@ -67,16 +67,9 @@ impl PointTest<'_> {
             let cells: Vec<Cell<'_>> = chunk.par_iter().flat_map_iter(of).collect();
             let points: Vec<DVec3> = cells.iter().flat_map(|c| c.points.iter().map(|p| p.1)).collect();
             let values = session.query(shadow, &points)?;
-            let mut rest = &values[..];
-            let mut own = Vec::with_capacity(cells.len());
-            for cell in &cells {
-                let (first, others) = rest.split_at(cell.points.len());
-                own.push((cell, first));
-                rest = others;
-            }
-            let reports: Vec<_> =
-                own.into_par_iter().map(|(cell, values)| cell.report(values, bound, &nearby)).collect();
-            report = reports.into_iter().fold(report, PointReport::merge);
+            let points_of = |cell: &Cell<'_>| cell.points.len();
+            let of = |cell: &Cell<'_>, values: &[f32]| cell.report(values, bound, &nearby);
+            report = report.merge(PointReport::of_all(&cells, &values, points_of, of));
         }
         Ok(report)
     }

@@ -2,6 +2,7 @@
 
 use super::bound_check::EXACT_ROUNDING;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Numbers of points at which a transmittance was tested, and the point with the largest violation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -57,6 +58,24 @@ impl PointReport {
         } else {
             self.limited += 1;
         }
+    }
+
+    /// Merges the reports on all items in turn, each of which is given its own of the consecutive answers.
+    pub(super) fn of_all<T: Sync, A: Sync>(
+        items: &[T],
+        answers: &[A],
+        points_of: impl Fn(&T) -> usize,
+        report: impl Fn(&T, &[A]) -> Self + Sync,
+    ) -> Self {
+        let mut rest = answers;
+        let mut own = Vec::with_capacity(items.len());
+        for item in items {
+            let (first, others) = rest.split_at(points_of(item));
+            own.push((item, first));
+            rest = others;
+        }
+        let reports: Vec<Self> = own.into_par_iter().map(|(item, answers)| report(item, answers)).collect();
+        reports.into_iter().fold(Self::default(), Self::merge)
     }
 
     /// Merges the reports on two sets of points. Of two equal violations, the first is kept.
