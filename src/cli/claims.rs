@@ -3,18 +3,23 @@
 use super::console::{StepDisplay, load_scene};
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
-use super::table_flags::{Earlier, TableFlags, cannot_resume};
+use super::table_flags::{Earlier, TableFlags, archived, cannot_resume};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Checked, Effort};
 use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
+use crate::render::Renderer;
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{TriedOn, counts, markdown};
+use crate::replication::claims::verify::{comparable, compare};
 use crate::replication::claims::{Claim, Row, all, find_paper, run as run_claims, scene_names, unrequested};
+use crate::report::verify::Verified;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Numbers of repeats, points, light rays and depths for testing claims of papers. They suffice for a verdict, yet
 /// all claims take only minutes on two cores.
@@ -74,11 +79,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("verdicts on finished scenes are written");
     let mut progress = Progress::watched(MeasuringBar { bar: &bar, interrupt: &interrupt });
-    let mut read = |name: &str| {
-        let loaded = load_scene(&settings_of(name, &given)?)?;
-        let subject = Subject { volume: loaded.volume, tf: loaded.tf, scene: loaded.scene };
-        Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
-    };
+    let mut read = |name: &str| subject(name, &given);
     let (rows, outcome) =
         run_claims(&renderer, &claims, &names, &earlier.rows, &mut read, effort, &mut progress);
     drop(progress);
@@ -89,6 +90,36 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     }
     args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))?;
     if is_interrupted { Err(interrupted(args, &claims, &names, &rows)) } else { Ok(()) }
+}
+
+/// Measures the claims of an archived table again, and compares what does not depend on times.
+///
+/// # Errors
+/// The table cannot be read, has claims or scenes that are not built in, or the device fails.
+pub fn verify(folder: &Path, adapter: Option<&str>, progress: &mut Progress) -> Result<Verified> {
+    let renderer = Arc::new(Renderer::new(Gpu::open(adapter)?));
+    let (recorded, by) = archived::<Row>(folder, "claims", &Facts::of(renderer.gpu()))?;
+    let claims = all()?;
+    if let Some(row) = unrequested(&claims, &[], &recorded) {
+        let why = format!("it has a claim of {} on {}, which is not built in", row.paper, row.scene);
+        return Err(Error::input("cannot verify", folder.display(), why));
+    }
+    let claims = comparable(claims, &recorded);
+    let effort = Effort { repeats: 1, ..EFFORT };
+    let mut read = |name: &str| subject(name, &[]);
+    let (measured, outcome) = run_claims(&renderer, &claims, &[], &[], &mut read, effort, progress);
+    outcome?;
+    Ok(compare(&claims, &recorded, &measured, by))
+}
+
+/// Loads the scene with this name: of a scene file on the command line, or a built-in one.
+fn subject(name: &str, given: &[(String, SceneSettings)]) -> Result<Subject> {
+    let loaded = load_scene(&settings_of(name, given)?)?;
+    let subject = Subject { volume: loaded.volume, tf: loaded.tf, scene: loaded.scene };
+    Ok(match stand_in(name, given) {
+        Some(stand_in) => stand_in.of(subject),
+        None => subject,
+    })
 }
 
 /// Error that ends an interrupted test of claims: states on which scenes claims were tested, and which are missing.

@@ -3,14 +3,19 @@
 use super::console::StepDisplay;
 use super::interrupt::Interrupt;
 use super::measuring_bar::MeasuringBar;
-use super::table_flags::{TableFlags, cannot_resume};
+use super::table_flags::{TableFlags, archived, cannot_resume};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::progress::Progress;
-use crate::replication::stability::table::{counted, finished, markdown};
-use crate::replication::stability::{Case, Row, Status, all, planned, run as run_cases};
+use crate::render::Renderer;
+use crate::replication::stability::table::{compare, counted, finished, markdown};
+use crate::replication::stability::{Case, Row, Status, all, measured_again, planned, run as run_cases};
+use crate::report::verify::Verified;
 use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
+use std::path::Path;
+use std::sync::Arc;
 
 /// Test every shadow method for numerical faults on extreme and ill-conditioned cases; exit status 1 if one has a fault
 #[derive(Debug, Args)]
@@ -60,6 +65,17 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         return Err(interrupted(args, &planned, &rows));
     }
     verdict(&rows, &args.table.output.join("stability.csv").display())
+}
+
+/// Measures the rows of an archived table again, and compares what does not depend on times.
+///
+/// # Errors
+/// The table cannot be read, has unknown cases or settings, or the device fails.
+pub fn verify(folder: &Path, adapter: Option<&str>, progress: &mut Progress) -> Result<Verified> {
+    let renderer = Arc::new(Renderer::new(Gpu::open(adapter)?));
+    let (recorded, by) = archived::<Row>(folder, "stability", &Facts::of(renderer.gpu()))?;
+    let measured = measured_again(&recorded, &renderer, progress)?;
+    Ok(compare(&recorded, &measured, by))
 }
 
 /// Error that ends an interrupted stability test: states how many cases are in the table, and which are missing.

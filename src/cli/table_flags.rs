@@ -4,13 +4,15 @@ use super::console::{print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
+use crate::measure::facts::Facts;
 use crate::render::Renderer;
+use crate::report::verify::Recorder;
 use crate::report::writers::{csv, json};
 use clap::Args;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Flags for the output folder and the graphics device of the commands `claims` and `stability`.
@@ -44,6 +46,29 @@ pub fn cannot_resume(place: impl fmt::Display, why: impl fmt::Display) -> Error 
     Error::input("cannot resume", place, why).hint(
         "--resume needs the command line of the earlier run; --overwrite starts anew, or give another folder",
     )
+}
+
+/// Reads the table of a finished run from its folder, and compares its conditions with those here. They are a line of the
+/// Markdown page; without it, the table counts as one of another adapter.
+///
+/// # Errors
+/// The table cannot be read.
+pub fn archived<R: DeserializeOwned>(folder: &Path, name: &str, here: &Facts) -> Result<(Vec<R>, Recorder)> {
+    let table = folder.join(format!("{name}.csv"));
+    let refuse = |e: csv::Error| Error::input("cannot verify", table.display(), e);
+    let mut reader = csv::Reader::from_path(&table).map_err(refuse)?;
+    let rows = reader.deserialize().collect::<Result<Vec<R>, _>>().map_err(refuse)?;
+    let page = std::fs::read_to_string(folder.join(format!("{name}.md"))).unwrap_or_default();
+    let has = |text: &str| {
+        let ends = |rest: &str| rest.starts_with([',', '.', ';']);
+        page.lines().any(|line| line.strip_prefix(text).is_some_and(ends))
+    };
+    let by = match (has(&here.conditions()), has(&here.device())) {
+        (true, _) => Recorder::Same,
+        (_, true) => Recorder::OtherRevision,
+        _ => Recorder::OtherAdapter,
+    };
+    Ok((rows, by))
 }
 
 impl TableFlags {

@@ -1,6 +1,7 @@
-//! `umbravox verify`: measures the errors of an archived result folder again and compares them.
+//! `umbravox verify`: measures an archived result folder again and compares what does not depend on times.
 
 use super::console::{StepDisplay, load_scene, print_message, print_result};
+use super::{claims, stability};
 use crate::benchmark::Run as BenchmarkRun;
 use crate::benchmark::definition::Definition;
 use crate::benchmark::folder::{Conditions, Folder};
@@ -23,10 +24,10 @@ use std::sync::Arc;
 /// Largest number of differences that are printed.
 const MOST_PRINTED: usize = 20;
 
-/// Measure the errors of a result folder of `compare` or `benchmark` again, and compare them; exit status 1 if one differs
+/// Measure a result folder again, without times, and compare its values; exit status 1 if one differs
 #[derive(Debug, Args)]
 pub struct VerifyArgs {
-    /// Result folder of `compare` or `benchmark`
+    /// Result folder of `compare`, `benchmark`, `claims` or `stability`
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
     /// Folder of the volumes that are files, if they have moved
@@ -43,11 +44,12 @@ pub struct VerifyArgs {
 /// # Errors
 /// The folder holds no finished result, a volume is missing, the device fails, or a value differs.
 pub fn run(args: &VerifyArgs) -> Result<()> {
-    let verified = match Folder::archived(&args.folder)? {
-        Some((folder, conditions)) => verify_benchmark(args, &folder, &conditions)?,
-        None => verify_comparison(args, &Archive::read(&args.folder)?)?,
-    };
-    let Verified { values, differences, random } = verified;
+    let bar = StepDisplay::new()?;
+    let mut progress = Progress::new(|status| bar.show(status));
+    let verified = verify(args, &mut progress);
+    drop(progress);
+    bar.finish_and_clear();
+    let Verified { values, differences, random } = verified?;
     if random > 0 {
         let text = "values of random estimators depend on the revision, the adapter and the driver";
         print_message("note", &format_args!("{random} {text}: they are not compared"));
@@ -62,7 +64,26 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
     Err(Error::runtime("cannot confirm result", args.folder.display(), why))
 }
 
-fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions) -> Result<Verified> {
+/// Measures a result folder again: of the command whose files it has.
+fn verify(args: &VerifyArgs, progress: &mut Progress) -> Result<Verified> {
+    let (folder, adapter) = (&args.folder, args.adapter.as_deref());
+    let has = |table: &str| folder.join(table).is_file();
+    if let Some((folder, conditions)) = Folder::archived(folder)? {
+        return verify_benchmark(args, &folder, &conditions, progress);
+    }
+    match (has("claims.csv"), has("stability.csv")) {
+        (true, _) => claims::verify(folder, adapter, progress),
+        (_, true) => stability::verify(folder, adapter, progress),
+        _ => verify_comparison(args, &Archive::read(folder)?, progress),
+    }
+}
+
+fn verify_benchmark(
+    args: &VerifyArgs,
+    folder: &Folder,
+    conditions: &Conditions,
+    progress: &mut Progress,
+) -> Result<Verified> {
     let definition = Definition::frozen()?;
     if (definition.version, definition.points) != (conditions.version, conditions.points) {
         let why =
@@ -88,19 +109,15 @@ fn verify_benchmark(args: &VerifyArgs, folder: &Folder, conditions: &Conditions)
     };
     run.check()?;
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    let bar = StepDisplay::new()?;
-    let mut progress = Progress::new(|status| bar.show(status));
     let step = Step::new(StepKind::Case, "");
     progress.expect(step.clone(), cells.len());
-    let verified = run.verify(folder, conditions, &renderer, &mut |cell| progress.begin(step.clone(), cell));
-    drop(progress);
-    bar.finish_and_clear();
-    let mut verified = verified?;
+    let mut verified =
+        run.verify(folder, conditions, &renderer, &mut |cell| progress.begin(step.clone(), cell))?;
     verify_tables(&results, &args.folder, &mut verified)?;
     Ok(verified)
 }
 
-fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {
+fn verify_comparison(args: &VerifyArgs, archive: &Archive, progress: &mut Progress) -> Result<Verified> {
     let Run { scenes, effort, .. } = &archive.run;
     let mut methods: Vec<Vec<Box<dyn Method>>> = scenes.iter().map(|_| Vec::new()).collect();
     for record in archive.records() {
@@ -121,12 +138,8 @@ fn verify_comparison(args: &VerifyArgs, archive: &Archive) -> Result<Verified> {
         let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings[i])?;
         Ok(Subject { volume, tf, strands, scene, forced: settings[i].disabled_optimizations() })
     };
-    let bar = StepDisplay::new()?;
-    let mut progress = Progress::new(|status| bar.show(status));
-    let made = make(&order, &run, &mut read, &renderer, &mut Journal::nowhere(), &mut progress);
-    drop(progress);
-    bar.finish_and_clear();
-    Ok(archive.compare(&made?.comparison.rows()))
+    let made = make(&order, &run, &mut read, &renderer, &mut Journal::nowhere(), progress)?;
+    Ok(archive.compare(&made.comparison.rows()))
 }
 
 /// Reads a scene file of a result folder. A volume that has moved is looked for in the folder `data`.

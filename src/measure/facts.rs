@@ -45,10 +45,13 @@ impl Facts {
 
     /// Returns the conditions of a measurement in one line: adapter, driver, threads, build profile and revision.
     pub fn conditions(&self) -> String {
-        format!(
-            "Adapter {} ({}), {} threads, {} build, revision {}",
-            self.adapter, self.driver, self.threads, self.profile, self.revision
-        )
+        let Self { threads, profile, revision, .. } = self;
+        format!("{}, {threads} threads, {profile} build, revision {revision}", self.device())
+    }
+
+    /// Returns the adapter and its driver in one text.
+    pub fn device(&self) -> String {
+        format!("Adapter {} ({})", self.adapter, self.driver)
     }
 
     /// Creates a comparison table row for a shadow method, without measured values.

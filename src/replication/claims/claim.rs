@@ -104,7 +104,7 @@ pub struct Claim {
     #[serde(default, rename = "let")]
     variables: Vec<(String, Formula)>,
     #[serde(default)]
-    figures: Vec<(String, Formula)>,
+    pub(super) figures: Vec<(String, Formula)>,
     #[serde(default)]
     verdict: Formula,
     #[serde(default)]
@@ -193,6 +193,32 @@ impl Claim {
         }
         Ok(Finding { holds: verdict(self.verdict.number(&lookup)?)?, figures, note: notes.join(" ") })
     }
+
+    /// Whether the verdict depends on measured times.
+    pub fn has_timed_verdict(&self) -> bool {
+        is_timed(&self.verdict, &self.variables)
+    }
+
+    /// Returns the names of the measured numbers that do not depend on times.
+    pub fn untimed_figures(&self) -> impl Iterator<Item = &str> {
+        let untimed = self.figures.iter().filter(|(_, formula)| !is_timed(formula, &self.variables));
+        untimed.map(|(name, _)| name.as_str())
+    }
+
+    /// Whether all that is measured depends on times.
+    pub fn is_about_times(&self) -> bool {
+        self.depth == Depth::Times || self.has_timed_verdict() && self.untimed_figures().next().is_none()
+    }
+}
+
+/// Whether a formula of a paper's claim depends on measured times, itself or by one of the variables before it.
+fn is_timed(formula: &Formula, variables: &[(String, Formula)]) -> bool {
+    let mut timed = false;
+    formula.names(&mut |name, _| {
+        let own = variables.iter().rposition(|(variable, _)| variable == name);
+        timed |= own.map_or(name.ends_with("_ms"), |i| is_timed(&variables[i].1, &variables[..i]));
+    });
+    timed
 }
 
 /// Returns the citation of the paper that contains a given word, ignoring case: `hadwiger`, `Neumann`, `2008`.
@@ -248,8 +274,13 @@ pub struct Row {
 
 /// Formats the measured numbers behind the verdict on a paper's claim in one line, with three significant digits.
 pub(super) fn figures_text(figures: &[Figure]) -> String {
-    let text = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
+    let text = |(name, value): &Figure| format!("{name}: {}", figure_text(*value));
     figures.iter().map(text).collect::<Vec<_>>().join("; ")
+}
+
+/// Formats a measured number behind the verdict on a paper's claim, with three significant digits.
+pub(super) fn figure_text(value: f64) -> String {
+    significant(value, 3)
 }
 
 fn serialize_figures<S: Serializer>(figures: &[Figure], serializer: S) -> Result<S::Ok, S::Error> {

@@ -253,6 +253,7 @@ fn apply(name: &str, lists: &[Vec<f64>]) -> Result<Vec<f64>, String> {
         ("verdict", [yes, partly]) => Ok(holds(Holds::of(yes[0] != 0.0, partly[0] != 0.0))),
         ("at_least", [ratio, wanted]) => Ok(holds(rules::at_least(ratio[0], wanted[0]))),
         ("at_most", [ratio, limit, most]) => Ok(holds(rules::at_most(ratio[0], limit[0], most[0]))),
+        ("if_large", [of, errors]) => Ok(holds(rules::if_large(verdict(of[0])?, errors))),
         ("as_good", [error, other, most]) => Ok(holds(rules::as_good(error[0], other[0], most[0]))),
         ("within", [ratio, low, high]) => Ok(holds(rules::within(ratio[0], [low[0], high[0]]))),
         ("rises", [series, least]) => Ok(holds(rules::rises(series, least[0]))),
@@ -302,6 +303,8 @@ mod tests {
             ("verdict(a[0] > 5, a[0] > 3)", vec![1.0]),
             ("at_least(a[2] / a[0], 2)", vec![2.0]),
             ("as_good(a[2], a[0], 2)", vec![1.0]),
+            ("if_large(at_least(a[2] / a[0], 2), a / 1000)", vec![2.0]),
+            ("if_large(at_least(a[2] / a[0], 2), a / 2000)", vec![1.0]),
             ("all(2, 0)", vec![1.0]),
             ("each(a >= 2)", vec![2.0]),
             ("exponent([1, 2, 4], [1, 4, 16])", vec![2.0]),
@@ -330,6 +333,7 @@ mod tests {
             "a + [1, 2]",
             "a@x",
             "at_least(1)",
+            "if_large(3, a)",
         ] {
             assert!(value(text).is_err(), "{text}");
         }

@@ -13,6 +13,7 @@ mod run;
 pub mod scenes;
 pub mod table;
 mod turns;
+pub mod verify;
 
 pub use claim::{Claim, Figure, Finding, Measured, Need, Row, all, find_paper};
 pub use run::{run, scene_names, unrequested};

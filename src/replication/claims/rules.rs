@@ -90,6 +90,12 @@ pub fn as_good(error: f64, other: f64, most: f64) -> Holds {
     Holds::of(error <= EQUAL * other, small || error <= most * other)
 }
 
+/// Verdict on an ordering of pictures by their root mean square errors: `of`, or `Partly` if all errors are small
+/// ([`SMALL_ERROR`]), since a mean does not tell whether they can be seen.
+pub fn if_large(of: Holds, errors: &[f64]) -> Holds {
+    if errors.iter().all(|error| *error <= SMALL_ERROR) { Holds::Partly } else { of }
+}
+
 /// Verdict on a series of measurements that rises according to a paper. `Yes` if no step falls and the total rise
 /// exceeds `least`; `Partly` if only the total rise does.
 pub fn rises(series: &[f64], least: f64) -> Holds {
@@ -186,6 +192,9 @@ mod tests {
         assert_eq!([0.0104, 0.015, 0.05].map(|e| as_good(e, 0.01, 2.0)), [Yes, Partly, No]);
         assert_eq!(as_good(f64::NAN, 0.001, 2.0), No);
         assert_eq!(at_least(f64::NAN, 1.0), No);
+        assert_eq!([[0.001, 0.007], [0.001, 0.008]].map(|errors| if_large(No, &errors)), [Partly, No]);
+        assert_eq!(if_large(Yes, &[0.001, 0.007]), Partly);
+        assert_eq!(if_large(No, &[f64::NAN]), No);
     }
 
     #[test]

@@ -97,7 +97,7 @@ pub fn unrequested<'r>(claims: &[Claim], given: &[String], earlier: &'r [Row]) -
 }
 
 /// Whether a row has the verdict on a claim.
-fn is_row_of(row: &Row, claim: &Claim) -> bool {
+pub(super) fn is_row_of(row: &Row, claim: &Claim) -> bool {
     (&row.paper, &row.place, &row.claim, &row.claimed)
         == (&claim.paper, &claim.place, &claim.claim, &claim.claimed)
 }
@@ -285,7 +285,7 @@ mod tests {
             ray_err_max: value(0.5),
             point_err_rms: value(0.1),
             point_err_mean_signed: value(-0.1),
-            image_rmse: value(0.1),
+            shadow_rmse: value(0.1),
             bound_held: value(1.0).map(|x| x > 0.5),
             width: random.u32(32..512),
             height: 48,
@@ -388,7 +388,7 @@ mod tests {
         let claim = all().unwrap().into_iter().find(|c| c.place == "Figure 4.3").unwrap();
         let of = |errors: [Option<f64>; 2]| {
             let keyed = parse_list(&claim.needs[0].methods).unwrap().into_iter().zip(errors).map(|(m, e)| {
-                let row = table::Row { image_rmse: e, ..Default::default() };
+                let row = table::Row { shadow_rmse: e, ..Default::default() };
                 (key(m.as_ref()), Figures { name: "osm".into(), row, ..Figures::default() })
             });
             let known = [(Variant::default(), keyed.collect())];
@@ -399,7 +399,7 @@ mod tests {
         let row = of([Some(3.0), Some(1.0)]);
         assert_eq!((row.holds, row.measured[0].1, row.scene.as_str()), (Holds::No, 3.0, "fur"));
         let row = of([Some(1.0), None]);
-        assert!(row.holds == Holds::Untried && row.note.contains("no image_rmse"), "{}", row.note);
+        assert!(row.holds == Holds::Untried && row.note.contains("no shadow_rmse"), "{}", row.note);
         assert!(collect(&claim, &[]).is_err());
     }
 }

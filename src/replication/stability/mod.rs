@@ -20,7 +20,7 @@ pub use cases::{Case, ORDINARY, all};
 pub use judge::{Findings, Status};
 pub use table::Row;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::measure::enclosure_check::EnclosureTest;
@@ -173,6 +173,27 @@ fn run_into(
         }
     }
     Ok(())
+}
+
+/// Measures the rows of an earlier table again: the same cases and settings. Costs are not noted.
+///
+/// # Errors
+/// A case or a setting is unknown, or the observer of `progress` ended the run.
+pub fn measured_again(rows: &[Row], renderer: &Arc<Renderer>, progress: &mut Progress) -> Result<Vec<Row>> {
+    let (every, step) = (all()?, Step::new(StepKind::Case, ""));
+    let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
+    progress.expect(step.clone(), cases.len());
+    let mut measured = Vec::new();
+    for own in cases {
+        let name = &own[0].case;
+        let unknown = || Error::input("cannot verify", name, "there is no such case");
+        let case = every.iter().find(|case| case.name == *name).ok_or_else(unknown)?;
+        progress.begin(step.clone(), name)?;
+        let methods = own.iter().map(|row| row.spec()?.method()).collect::<Result<Vec<_>>>()?;
+        let outcomes = measure(renderer, case, &methods).into_iter().zip(&methods);
+        measured.extend(outcomes.map(|(outcome, method)| row(case, method.as_ref(), outcome, None)));
+    }
+    Ok(measured)
 }
 
 /// Returns a shadow method with the settings that a stability case imposes, as far as the method has them. Returns

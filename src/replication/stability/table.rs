@@ -1,7 +1,10 @@
 //! Table of the stability suite, in which shadow methods are tested on extreme cases, and its Markdown summary.
 
 use super::judge::Status;
+use crate::error::Result;
 use crate::report::markdown::{Align, aligned_table};
+use crate::report::verify::{Recorder, Verified};
+use crate::shadow::MethodSpec;
 use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -39,6 +42,29 @@ pub struct Row {
 }
 
 impl Row {
+    /// Returns the shadow method with its settings.
+    ///
+    /// # Errors
+    /// There is no such method or setting.
+    pub fn spec(&self) -> Result<MethodSpec> {
+        [&*self.method, &self.params.replace(' ', ",")].join(":").trim_end_matches(':').parse()
+    }
+
+    /// Values that do not depend on times, as texts, each with the name of its column.
+    fn untimed(&self) -> [(&'static str, String); 7] {
+        let real = |value: Option<f64>| value.map_or_else(String::new, |x| x.to_string());
+        let whole = |value: Option<usize>| value.map_or_else(String::new, |n| n.to_string());
+        [
+            ("status", self.status.name().to_owned()),
+            ("ray_err_max", real(self.ray_err_max)),
+            ("bound", real(self.bound)),
+            ("monotone_violations", whole(self.monotone_violations)),
+            ("out_of_range", whole(self.out_of_range)),
+            ("non_finite", whole(self.non_finite)),
+            ("bytes", whole(self.bytes.map(|bytes| bytes as usize))),
+        ]
+    }
+
     /// Whether another row has the same case, shadow method and settings.
     fn is_same_test(&self, other: &Self) -> bool {
         (&self.case, &self.method, &self.params) == (&other.case, &other.method, &other.params)
@@ -50,7 +76,7 @@ impl Row {
 ///
 /// # Errors
 /// An earlier row is not planned; the text says which one.
-pub fn finished(planned: &[Vec<Row>], earlier: &[Row]) -> Result<Vec<Vec<Row>>, String> {
+pub fn finished(planned: &[Vec<Row>], earlier: &[Row]) -> std::result::Result<Vec<Vec<Row>>, String> {
     let is_planned = |row: &&Row| planned.iter().flatten().any(|wanted| wanted.is_same_test(row));
     if let Some(row) = earlier.iter().find(|row| !is_planned(row)) {
         let name = [&*row.method, &row.params].join(" ");
@@ -64,6 +90,18 @@ pub fn finished(planned: &[Vec<Row>], earlier: &[Row]) -> Result<Vec<Vec<Row>>, 
         wanted.iter().map(known).collect::<Option<Vec<_>>>().unwrap_or_default()
     };
     Ok(planned.iter().map(of_case).collect())
+}
+
+/// Compares recorded rows with measured ones in the same order, without times and notes.
+pub fn compare(recorded: &[Row], measured: &[Row], by: Recorder) -> Verified {
+    let mut verified = Verified::default();
+    for (before, now) in recorded.iter().zip(measured) {
+        let title = format!("{}: {} {}", before.case, before.method, before.params);
+        for ((column, recorded), (_, measured)) in before.untimed().into_iter().zip(now.untimed()) {
+            verified.compare(title.trim_end(), column, [&recorded, &measured], by);
+        }
+    }
+    verified
 }
 
 /// Symbol in the stability summary for a shadow method to which a stability case does not apply.
