@@ -8,7 +8,7 @@
 //!   each value of the first column,
 //! - `<!-- coverage FILE REFERENCE -->` counts, for each scene, the intervals of `point_err_rms` in the first file that
 //!   contain its value in the second,
-//! - `<!-- ranking FILE -->` names the methods that win most cells of a benchmark, with 95 % intervals and mean ranks.
+//! - `<!-- winners FILE as SCENES; ... -->` names the methods that win most cells of benchmarks.
 //!
 //! A column is that of the CSV file, with `/` and a divisor (number or column) if need be. Further columns are `folder`
 //! (of the file), `label` (method with its settings) and `setting` (with its map too). Labels or settings behind `|`
@@ -188,60 +188,57 @@ fn coverage(folder: &Path, files: &str) -> String {
     aligned_table(&headings.map(|(name, align)| (name.to_owned(), align)), &lines)
 }
 
-/// List of the budgets of a benchmark, with a text on each.
-fn ranking(folder: &Path, file: &str) -> String {
-    let rows = rows(&folder.join(file));
-    let mut budgets: Vec<&str> = rows.iter().map(|row| value(row, "budget")).collect();
-    budgets.dedup();
-    let of_budget =
-        |budget: &&str| rows.iter().filter(|row| value(row, "budget") == *budget).collect::<Vec<_>>();
-    budgets.iter().map(|budget| ranking_within(budget, of_budget(budget))).collect()
+/// Table of rankings: a line for each budget of each file, with the methods that win most cells and those whose mean ranks
+/// the Nemenyi test does not separate from the best.
+fn winners(folder: &Path, instruction: &str) -> String {
+    let of_file = |file: &str| {
+        let (path, name) = file.split_once(" as ").expect("a file and a name");
+        let rows = rows(&folder.join(path));
+        let budgets = rows.chunk_by(|a, b| value(a, "budget") == value(b, "budget"));
+        budgets.map(|rows| winners_within(name, rows)).collect::<Vec<_>>()
+    };
+    let lines: Vec<Vec<String>> = instruction.split("; ").flat_map(of_file).collect();
+    let headings = [
+        ("scenes", Align::Left),
+        ("within", Align::Left),
+        ("wins most", Align::Left),
+        ("not separated", Align::Right),
+        ("next", Align::Left),
+        ("best mean ranks, not separated", Align::Left),
+    ];
+    aligned_table(&headings.map(|(name, align)| (name.to_owned(), align)), &lines)
 }
 
-/// Text on one budget: the three methods that win most cells, those with the least mean rank, and the methods that the
-/// Nemenyi test does not separate from the first of these.
-fn ranking_within(budget: &str, mut ranks: Vec<&Row>) -> String {
-    let percent = |row: &Row, column: &str| format!("{:.0}", 100.0 * number(row, column));
-    let method = |row: &Row| format!("`{}`", value(row, "method"));
-    let intervals = |row: &Row| {
-        let [low, high, volumes_low, volumes_high] =
-            ["share_lo", "share_hi", "share_volumes_lo", "share_volumes_hi"].map(|end| percent(row, end));
-        format!("Wilson {low} to {high} %, over volumes {volumes_low} to {volumes_high} %")
+fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
+    let percent = |share: f64| format!("{:.0}", 100.0 * share);
+    let method = |row: &&Row| format!("`{}`", value(row, "method"));
+    let of_least = |column: &str, sign: f64| {
+        ranks.iter().sorted_by(move |a, b| (sign * number(a, column)).total_cmp(&(sign * number(b, column))))
     };
-    ranks.sort_by(|a, b| number(b, "share").total_cmp(&number(a, "share")));
-    let [first, second, third] = [ranks[0], ranks[1], ranks[2]];
-    let text = format!(
-        "- Within {}, {} has the least error in {} % of {} scenes (95 % intervals: {}).\n  \
-         Next are {} with {} % ({}) and {} with {} %.\n ",
-        amount(budget),
-        method(first),
-        percent(first, "share"),
-        value(first, "cells"),
-        intervals(first),
-        method(second),
-        percent(second, "share"),
-        intervals(second),
-        method(third),
-        percent(third, "share"),
-    );
-    ranks.sort_by(|a, b| number(a, "mean_rank").total_cmp(&number(b, "mean_rank")));
-    let mean_rank = |row: &&Row| format!("{} {:.1}", method(row), number(row, "mean_rank"));
-    let mean_ranks: Vec<String> = ranks.iter().take(3).map(mean_rank).collect();
-    let limit = number(ranks[0], "mean_rank") + number(ranks[0], "critical_difference");
-    let same = ranks.iter().filter(|row| number(row, "mean_rank") < limit);
-    let same: Vec<String> = same.map(|row| method(row)).collect();
-    format!(
-        "{text} Mean ranks: {}. Not separated by the Nemenyi test:\n  {}.\n",
-        mean_ranks.join(", "),
-        same.join(", ")
-    )
+    let by_share: Vec<&Row> = of_least("share", -1.0).collect();
+    let first = by_share[0];
+    let ends = ["share_volumes_lo", "share_volumes_hi"].map(|end| percent(number(first, end)));
+    let next =
+        by_share[1..3].iter().map(|row| format!("{} {} %", method(row), percent(number(row, "share"))));
+    let by_rank: Vec<&Row> = of_least("mean_rank", 1.0).collect();
+    let limit = number(by_rank[0], "mean_rank") + number(by_rank[0], "critical_difference");
+    let same = by_rank.iter().filter(|row| number(row, "mean_rank") < limit).map(method);
+    let separated = number(first, "not_separated") / number(first, "cells");
+    vec![
+        format!("{name} ({})", value(first, "cells")),
+        amount(value(first, "budget")),
+        format!("{} {} % ({} to {} %)", method(&first), percent(number(first, "share")), ends[0], ends[1]),
+        format!("{} %", percent(separated)),
+        next.collect::<Vec<_>>().join(", "),
+        same.collect::<Vec<_>>().join(", "),
+    ]
 }
 
 /// A budget as a reader says it.
 fn amount(budget: &str) -> String {
     match budget.split_once('=') {
         Some(("bytes", size)) => size.replace("KiB", " KiB").replace("MiB", " MiB"),
-        Some(("frames", number)) => format!("the time of {number} frames without shadows"),
+        Some(("frames", number)) => format!("time of {number} frames"),
         _ => panic!("{budget}"),
     }
 }
@@ -258,7 +255,7 @@ fn renewed(path: &Path, page: &str) -> String {
             ("pivot", instruction) => pivot(folder, instruction),
             ("counts", instruction) => counts(folder, instruction),
             ("coverage", files) => coverage(folder, files),
-            ("ranking", file) => ranking(folder, file),
+            ("winners", files) => winners(folder, files),
             (other, _) => panic!("{}: {other}", path.display()),
         };
         // A block that has not been made yet is empty.
