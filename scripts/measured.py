@@ -124,18 +124,12 @@ def stability():
 
 
 def cost():
-    """What shadows cost at which error, 512x512, `--step 1`; the fastest row of each scene up to an error is marked."""
+    """What shadows cost at which error, 512x512, `--step 1`."""
     maps = "192,256,320,384,512"
     rows = []
     for name, scene in scenes():
-        own = compare(*scene, *LIGHT, "--size", "512x512", "--step", "1", "--name", name, "--methods", f"none;dsm:map=auto,{maps};dsm:march=samples,map={maps}")
-        for error in (0.02, 0.03, 0.04):
-            close = [r for r in own if r["point_err_rms"] is not None and r["point_err_rms"] <= error]
-            if close:
-                best = min(close, key=lambda r: (r["build_ms"] or 0) + r["frame_ms"])
-                best["fastest up to"] = ", ".join(filter(None, [best.get("fastest up to"), f"{error}"]))
-        rows += own
-    return table(rows, [*TIMES[:6], "fastest up to", "point_err_rms", "ray_err_max", "check_ok", *SPLIT, *WORK, *DIVERGENCE])
+        rows += compare(*scene, *LIGHT, "--size", "512x512", "--step", "1", "--name", name, "--methods", f"none;dsm:map=auto,{maps};dsm:march=samples,map={maps}")
+    return table(rows, [*TIMES[:6], "point_err_rms", "ray_err_max", "check_ok", *SPLIT, *WORK, *DIVERGENCE])
 
 
 def growth():

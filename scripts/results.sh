@@ -37,7 +37,7 @@ archive() {
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
     rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
-    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells claims.{csv,md} stability.csv; do
+    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells {claims,stability}.{csv,md}; do
         [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
     done
     for file in "ranks_*.png" "*_scene.toml" "*_transfer_function.json"; do
