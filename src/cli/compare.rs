@@ -68,7 +68,7 @@ pub struct CompareArgs {
     pub embed_volume: bool,
     #[command(flatten)]
     pub layout: LayoutFlags,
-    /// Number of timed runs of each shadow method, after warm-up [default: 5, and 20 where build and frame take less than
+    /// Number of timed runs of each shadow method, after warm-up [default: 6, and 20 where build and frame take less than
     /// 50 ms together]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: Option<u32>,

@@ -84,7 +84,7 @@ impl Effort {
 impl Default for Effort {
     fn default() -> Self {
         Self {
-            repeats: 5,
+            repeats: 6,
             short_repeats: 20,
             points: 20_000,
             rays: 2000,
