@@ -60,7 +60,7 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         return Err(Error::runtime("interrupted", args.table.output.display(), "no case is finished"));
     }
     let summary = markdown(&rows);
-    args.table.write("stability", &rows, &format!("{conditions}\n\n{summary}"), &summary)?;
+    args.table.write("stability", &rows, &format!("# Stability\n{conditions}\n\n{summary}"), &summary)?;
     if is_interrupted {
         return Err(interrupted(args, &planned, &rows));
     }

@@ -181,15 +181,17 @@ fn run_into(
 /// A case or a setting is unknown, or the observer of `progress` ended the run.
 pub fn measured_again(rows: &[Row], renderer: &Arc<Renderer>, progress: &mut Progress) -> Result<Vec<Row>> {
     let (every, step) = (all()?, Step::new(StepKind::Case, ""));
-    let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
-    progress.expect(step.clone(), cases.len());
-    let mut measured = Vec::new();
-    for own in cases {
+    let tested = |own: &[Row]| {
         let name = &own[0].case;
         let unknown = || Error::input("cannot verify", name, "there is no such case");
         let case = every.iter().find(|case| case.name == *name).ok_or_else(unknown)?;
-        progress.begin(step.clone(), name)?;
-        let methods = own.iter().map(|row| row.spec()?.method()).collect::<Result<Vec<_>>>()?;
+        Ok((case, own.iter().map(|row| row.spec()?.method()).collect::<Result<Vec<_>>>()?))
+    };
+    let cases = rows.chunk_by(|a, b| a.case == b.case).map(tested).collect::<Result<Vec<_>>>()?;
+    progress.expect(step.clone(), cases.len());
+    let mut measured = Vec::new();
+    for (case, methods) in cases {
+        progress.begin(step.clone(), &case.name)?;
         let outcomes = measure(renderer, case, &methods).into_iter().zip(&methods);
         measured.extend(outcomes.map(|(outcome, method)| row(case, method.as_ref(), outcome, None)));
     }

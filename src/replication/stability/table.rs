@@ -137,11 +137,11 @@ pub fn markdown(rows: &[Row]) -> String {
     out += &format!("\n{} · {ABSENT} not concerned\n\n{}\n", key.join(" · "), counted(rows));
     let mut remarks = rows.iter().filter(|r| !r.note.is_empty()).peekable();
     if remarks.peek().is_some() {
-        out.push('\n');
+        out += "\n| case | method | status | note |\n| --- | --- | --- | --- |\n";
     }
-    for row in remarks {
-        let name = [&row.method, &*row.params].join(" ");
-        out += &format!("- {}, {}: {}: {}\n", row.case, name.trim_end(), row.status.name(), row.note);
+    for Row { case, method, params, status, note, .. } in remarks {
+        let method = format!("{method} {params}");
+        out += &format!("| {case} | {} | {} | {note} |\n", method.trim_end(), status.name());
     }
     out
 }
@@ -228,6 +228,25 @@ mod tests {
         assert_eq!(table[2], ["comb", "✓", "N", "✓"]);
         assert_eq!(table[3], ["epsilon-0", "·", "B", "·"]);
         assert!(text.contains("4 rows: 2 ok, 1 bound_exceeded, 1 nan"), "{text}");
-        assert!(text.contains("- comb, dsm map=64: nan: lamp: 3 values"));
+        assert!(text.contains("| comb | dsm map=64 | nan | lamp: 3 values"));
+    }
+
+    #[test]
+    fn what_is_no_time_is_compared() {
+        let change = |row: &Row| Row { build_ms: Some(1.0), note: "slow".into(), ..row.clone() };
+        let again: Vec<Row> = rows().iter().map(change).collect();
+        assert_eq!(compare(&rows(), &again, Recorder::Same).differences, []);
+        let mut other = again;
+        other[0].bytes = Some(12);
+        other[3].status = Status::Ok;
+        let found = compare(&rows(), &other, Recorder::OtherAdapter).differences;
+        assert_eq!(found.iter().map(|d| &*d.column).collect::<Vec<_>>(), ["bytes", "status"]);
+        assert!(
+            found[1].row == "epsilon-0: dsm map=64" && found[1].recorded == "bound_exceeded",
+            "{found:?}"
+        );
+        assert_eq!(rows()[1].spec().unwrap().to_string(), "dsm:epsilon=0.02,map=64");
+        assert!(Row { params: String::new(), ..rows()[0].clone() }.spec().is_ok());
+        assert!(Row { params: "no=1".into(), ..rows()[0].clone() }.spec().is_err());
     }
 }

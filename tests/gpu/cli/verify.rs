@@ -94,7 +94,11 @@ fn archived_results_are_confirmed_but_for_a_changed_digit() {
         let refuted = umbravox(dir.path(), &["verify", "."]);
         let said = String::from_utf8(refuted.stderr).unwrap();
         assert!(refuted.status.code() == Some(1) && said.contains(": 1 of "), "{folder}: {said}");
-        assert!(said.contains(column) && said.contains(&changed), "{folder}: {said}");
+        // A value may be printed with fewer digits.
+        assert!(
+            said.contains(column) && said.contains(&changed[..changed.len().min(12)]),
+            "{folder}: {said}"
+        );
     }
 }
 
