@@ -98,12 +98,19 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
 /// The table cannot be read, has claims or scenes that are not built in, or the device fails.
 pub fn verify(folder: &Path, adapter: Option<&str>, progress: &mut Progress) -> Result<Verified> {
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter)?));
-    let (recorded, by) = archived::<Row>(folder, "claims", &Facts::of(renderer.gpu()))?;
+    let (earlier, by) = archived::<Row>(folder, "claims", &Facts::of(renderer.gpu()))?;
     let claims = all()?;
-    if let Some(row) = unrequested(&claims, &[], &recorded) {
-        let why = format!("it has a claim of {} on {}, which is not built in", row.paper, row.scene);
-        return Err(Error::input("cannot verify", folder.display(), why));
+    let refuse = |why| Error::input("cannot verify", folder.join("claims.csv").display(), why);
+    if let Some(row) = unrequested(&claims, &[], &earlier.rows) {
+        let why = format!("this revision does not test \"{}\" on the scene `{}`", row.claim, row.scene);
+        return Err(refuse(why));
     }
+    let tried =
+        scene_names(&claims, &[]).iter().map(|name| tried_on(name, &[])).collect::<Result<Vec<_>>>()?;
+    // Without the page it is not known whether scenes have changed.
+    let known = if earlier.page.is_empty() { &[] } else { &tried[..] };
+    check_earlier(&earlier, (&claims, &[]), known).map_err(refuse)?;
+    let recorded = earlier.rows;
     let claims = comparable(claims, &recorded);
     let effort = Effort { repeats: 1, ..EFFORT };
     let mut read = |name: &str| subject(name, &[]);

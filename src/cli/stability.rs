@@ -43,7 +43,8 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     args.table.check("stability")?;
     let planned = cases.iter().map(|case| planned(&methods, case)).collect::<Result<Vec<_>>>()?;
     let renderer = args.table.open()?;
-    let conditions = Facts::of(renderer.gpu()).conditions() + ".";
+    let facts = Facts::of(renderer.gpu());
+    let conditions = facts.conditions() + ".";
     let earlier = args.table.earlier("stability", &conditions)?;
     let refuse = |why| cannot_resume(args.table.output.join("stability.csv").display(), why);
     let finished = finished(&planned, &earlier.rows).map_err(refuse)?;
@@ -60,7 +61,12 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         return Err(Error::runtime("interrupted", args.table.output.display(), "no case is finished"));
     }
     let summary = markdown(&rows);
-    args.table.write("stability", &rows, &format!("# Stability\n{conditions}\n\n{summary}"), &summary)?;
+    args.table.write(
+        "stability",
+        &rows,
+        &format!("# Stability on {}\n{conditions}\n\n{summary}", facts.adapter),
+        &summary,
+    )?;
     if is_interrupted {
         return Err(interrupted(args, &planned, &rows));
     }
@@ -74,8 +80,9 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
 pub fn verify(folder: &Path, adapter: Option<&str>, progress: &mut Progress) -> Result<Verified> {
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter)?));
     let (recorded, by) = archived::<Row>(folder, "stability", &Facts::of(renderer.gpu()))?;
-    let measured = measured_again(&recorded, &renderer, progress)?;
-    Ok(compare(&recorded, &measured, by))
+    let measured = measured_again(&recorded.rows, &renderer, progress)
+        .map_err(|e| e.at(folder.join("stability.csv").display()))?;
+    Ok(compare(&recorded.rows, &measured, by))
 }
 
 /// Error that ends an interrupted stability test: states how many cases are in the table, and which are missing.

@@ -12,6 +12,7 @@ use clap::Args;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -49,16 +50,27 @@ pub fn cannot_resume(place: impl fmt::Display, why: impl fmt::Display) -> Error 
 }
 
 /// Reads the table of a finished run from its folder, and compares its conditions with those here. They are a line of the
-/// Markdown page; without it, the table counts as one of another adapter.
+/// Markdown page; without it, the table counts as one of another adapter, and a note says so.
 ///
 /// # Errors
-/// The table cannot be read.
-pub fn archived<R: DeserializeOwned>(folder: &Path, name: &str, here: &Facts) -> Result<(Vec<R>, Recorder)> {
+/// The table or the page cannot be read.
+pub fn archived<R: DeserializeOwned>(
+    folder: &Path,
+    name: &str,
+    here: &Facts,
+) -> Result<(Earlier<R>, Recorder)> {
     let table = folder.join(format!("{name}.csv"));
     let refuse = |e: csv::Error| Error::input("cannot verify", table.display(), e);
     let mut reader = csv::Reader::from_path(&table).map_err(refuse)?;
     let rows = reader.deserialize().collect::<Result<Vec<R>, _>>().map_err(refuse)?;
-    let page = std::fs::read_to_string(folder.join(format!("{name}.md"))).unwrap_or_default();
+    let page = folder.join(format!("{name}.md"));
+    let page = match std::fs::read_to_string(&page) {
+        Err(e) if e.kind() == ErrorKind::NotFound => {
+            print_message("note", &format_args!("{} is missing: values may differ by 2 %", page.display()));
+            String::new()
+        }
+        text => text.map_err(|e| Error::input("cannot verify", page.display(), e))?,
+    };
     let has = |text: &str| {
         let ends = |rest: &str| rest.starts_with([',', '.', ';']);
         page.lines().any(|line| line.strip_prefix(text).is_some_and(ends))
@@ -68,7 +80,7 @@ pub fn archived<R: DeserializeOwned>(folder: &Path, name: &str, here: &Facts) ->
         (_, true) => Recorder::OtherRevision,
         _ => Recorder::OtherAdapter,
     };
-    Ok((rows, by))
+    Ok((Earlier { rows, page }, by))
 }
 
 impl TableFlags {

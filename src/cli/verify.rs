@@ -49,10 +49,14 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
     let verified = verify(args, &mut progress);
     drop(progress);
     bar.finish_and_clear();
-    let Verified { values, differences, random } = verified?;
-    if random > 0 {
-        let text = "values of random estimators depend on the revision, the adapter and the driver";
-        print_message("note", &format_args!("{random} {text}: they are not compared"));
+    let Verified { values, differences, not_compared } = verified?;
+    if not_compared > 0 {
+        let text = "values of times, or that depend on the revision, the adapter or the driver";
+        print_message("note", &format_args!("{not_compared} {text}, are not compared"));
+    }
+    if values == 0 {
+        let why = "it has no values that can be compared";
+        return Err(Error::input("cannot verify", args.folder.display(), why));
     }
     if differences.is_empty() {
         return print_result(&format_args!("{}: {values} values are confirmed\n", args.folder.display()));
@@ -64,18 +68,25 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
     Err(Error::runtime("cannot confirm result", args.folder.display(), why))
 }
 
-/// Measures a result folder again: of the command whose files it has.
+/// Measures each table of a result folder again.
 fn verify(args: &VerifyArgs, progress: &mut Progress) -> Result<Verified> {
     let (folder, adapter) = (&args.folder, args.adapter.as_deref());
     let has = |table: &str| folder.join(table).is_file();
     if let Some((folder, conditions)) = Folder::archived(folder)? {
         return verify_benchmark(args, &folder, &conditions, progress);
     }
-    match (has("claims.csv"), has("stability.csv")) {
-        (true, _) => claims::verify(folder, adapter, progress),
-        (_, true) => stability::verify(folder, adapter, progress),
-        _ => verify_comparison(args, &Archive::read(folder)?, progress),
+    let mut verified = Verified::default();
+    let has_other = has("claims.csv") || has("stability.csv");
+    if has("compare.csv") || !has_other {
+        verified = verify_comparison(args, &Archive::read(folder)?, progress)?;
     }
+    if has("claims.csv") {
+        verified = verified.and(claims::verify(folder, adapter, progress)?);
+    }
+    if has("stability.csv") {
+        verified = verified.and(stability::verify(folder, adapter, progress)?);
+    }
+    Ok(verified)
 }
 
 fn verify_benchmark(

@@ -60,7 +60,7 @@ impl PointReport {
         }
     }
 
-    /// Merges the reports on all items in turn, each of which is given its own of the consecutive answers.
+    /// Divides consecutive answers among items, and merges the reports on the items in order.
     pub(super) fn of_all<T: Sync, A: Sync>(
         items: &[T],
         answers: &[A],

@@ -11,6 +11,12 @@ pub enum Align {
     Middle,
 }
 
+/// Returns one line of a Markdown table whose columns are not aligned in the source text.
+pub fn table_line(cells: impl IntoIterator<Item = String>) -> String {
+    let cells = cells.into_iter().map(|cell| cell.replace('|', "\\|").replace('\n', " "));
+    format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+}
+
 /// Returns a Markdown table with a heading and an alignment for each column; columns are aligned in the source text.
 pub fn aligned_table(headings: &[(String, Align)], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {

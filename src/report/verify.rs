@@ -74,11 +74,21 @@ pub struct Verified {
     pub values: usize,
     /// Recorded values that differ from the new measurement.
     pub differences: Vec<Difference>,
-    /// Number of recorded values of random estimators that another program cannot measure again.
-    pub random: usize,
+    /// Number of recorded values that are not compared: of times, and those that another revision or adapter need not
+    /// reproduce.
+    pub not_compared: usize,
 }
 
 impl Verified {
+    /// Adds the result on another table.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.values += other.values;
+        self.differences.extend(other.differences);
+        self.not_compared += other.not_compared;
+        self
+    }
+
     /// Compares a recorded value with a measured one, as texts. If `by` is [`Recorder::Same`] they must be equal, else
     /// numbers may differ a little.
     pub fn compare(&mut self, row: &str, column: &str, [recorded, measured]: [&str; 2], by: Recorder) {
@@ -147,7 +157,7 @@ impl Archive {
                 let Some(text) = recorded.get(*name) else { continue };
                 // Random numbers depend on the last bits of positions.
                 if row.point_variance.is_some() && by != Recorder::Same && !["map", "bytes"].contains(name) {
-                    verified.random += 1;
+                    verified.not_compared += 1;
                     continue;
                 }
                 verified.compare(&title, name, [text, &row.cell(name).to_string()], by);

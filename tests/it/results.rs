@@ -217,9 +217,13 @@ fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
     };
     let by_share: Vec<&Row> = of_least("share", -1.0).collect();
     let first = by_share[0];
-    let ends = ["share_volumes_lo", "share_volumes_hi"].map(|end| percent(number(first, end)));
+    let low = ["share_lo", "share_volumes_lo"].map(|end| number(first, end)).into_iter().fold(1.0, f64::min);
+    let high = ["share_hi", "share_volumes_hi"].map(|end| number(first, end)).into_iter().fold(0.0, f64::max);
+    // The next two, and those that tie with the second of them.
+    let share = |place: usize| by_share.get(place).map_or(0.0, |row| number(row, "share"));
     let next =
-        by_share[1..3].iter().map(|row| format!("{} {} %", method(row), percent(number(row, "share"))));
+        by_share[1..].iter().filter(|row| number(row, "share") >= share(2) && number(row, "share") > 0.0);
+    let next = next.map(|row| format!("{} {} %", method(row), percent(number(row, "share"))));
     let by_rank: Vec<&Row> = of_least("mean_rank", 1.0).collect();
     let limit = number(by_rank[0], "mean_rank") + number(by_rank[0], "critical_difference");
     let same = by_rank.iter().filter(|row| number(row, "mean_rank") < limit).map(method);
@@ -227,7 +231,7 @@ fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
     vec![
         format!("{name} ({})", value(first, "cells")),
         amount(value(first, "budget")),
-        format!("{} {} % ({} to {} %)", method(&first), percent(number(first, "share")), ends[0], ends[1]),
+        format!("{} {} % ({} to {} %)", method(&first), percent(share(0)), percent(low), percent(high)),
         format!("{} %", percent(separated)),
         next.collect::<Vec<_>>().join(", "),
         same.collect::<Vec<_>>().join(", "),
@@ -238,7 +242,7 @@ fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
 fn amount(budget: &str) -> String {
     match budget.split_once('=') {
         Some(("bytes", size)) => size.replace("KiB", " KiB").replace("MiB", " MiB"),
-        Some(("frames", number)) => format!("time of {number} frames"),
+        Some(("frames", number)) => format!("{number} frames without shadows"),
         _ => panic!("{budget}"),
     }
 }

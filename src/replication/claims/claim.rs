@@ -199,15 +199,14 @@ impl Claim {
         is_timed(&self.verdict, &self.variables)
     }
 
-    /// Returns the names of the measured numbers that do not depend on times.
-    pub fn untimed_figures(&self) -> impl Iterator<Item = &str> {
-        let untimed = self.figures.iter().filter(|(_, formula)| !is_timed(formula, &self.variables));
-        untimed.map(|(name, _)| name.as_str())
+    /// Returns whether each of the measured numbers, in order, depends on times.
+    pub fn timed_figures(&self) -> impl Iterator<Item = bool> {
+        self.figures.iter().map(|(_, formula)| is_timed(formula, &self.variables))
     }
 
     /// Whether all that is measured depends on times.
-    pub fn is_about_times(&self) -> bool {
-        self.depth == Depth::Times || self.has_timed_verdict() && self.untimed_figures().next().is_none()
+    pub fn depends_on_times_only(&self) -> bool {
+        self.depth == Depth::Times || self.has_timed_verdict() && self.timed_figures().all(|timed| timed)
     }
 }
 
@@ -216,7 +215,9 @@ fn is_timed(formula: &Formula, variables: &[(String, Formula)]) -> bool {
     let mut timed = false;
     formula.names(&mut |name, _| {
         let own = variables.iter().rposition(|(variable, _)| variable == name);
-        timed |= own.map_or(name.ends_with("_ms"), |i| is_timed(&variables[i].1, &variables[..i]));
+        timed |= own.map_or(name.contains("_ms") || name.starts_with("fps"), |i| {
+            is_timed(&variables[i].1, &variables[..i])
+        });
     });
     timed
 }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 pub enum Holds {
     /// The claim of the paper does not hold.
     No,
-    /// The claim of the paper holds in part: the direction is right but not the number, or it holds in some of
-    /// several cases.
+    /// The claim of the paper holds in part: the direction is right but not the number, it holds in some of several
+    /// cases, or all errors are too small to tell.
     Partly,
     /// The claim of the paper holds.
     Yes,

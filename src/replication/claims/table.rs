@@ -3,6 +3,7 @@
 use super::Row;
 use super::claim::figures_text;
 use super::rules::Holds;
+use crate::report::markdown::table_line;
 
 /// Scene on which claims of papers were tested, with everything needed to repeat the test.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub fn counts(rows: &[Row]) -> String {
     let verdicts = [Holds::Yes, Holds::Partly, Holds::No, Holds::Untried];
     for paper in papers(rows) {
         let count = |holds| rows.iter().filter(|r| r.paper == paper && r.holds == holds).count();
-        out += &line([paper.to_owned()].into_iter().chain(verdicts.map(|v| count(v).to_string())));
+        out += &table_line([paper.to_owned()].into_iter().chain(verdicts.map(|v| count(v).to_string())));
     }
     out
 }
@@ -55,7 +56,7 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
         for row in rows.iter().filter(|r| r.paper == paper) {
             let Row { place, claim, claimed, measured, holds, scene, note, .. } = row.clone();
             let cells = [place, claim, claimed, figures_text(&measured), holds.word().into(), scene, note];
-            out += &line(cells.into_iter());
+            out += &table_line(cells);
         }
     }
     if !scenes.is_empty() {
@@ -65,11 +66,6 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
         out += &(scene.markdown() + "\n");
     }
     out.trim_end().to_owned() + "\n"
-}
-
-/// Formats one row of a Markdown table of tested claims.
-fn line(cells: impl Iterator<Item = String>) -> String {
-    format!("| {} |\n", cells.map(|c| c.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
 }
 
 #[cfg(test)]

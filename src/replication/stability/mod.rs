@@ -185,7 +185,8 @@ pub fn measured_again(rows: &[Row], renderer: &Arc<Renderer>, progress: &mut Pro
         let name = &own[0].case;
         let unknown = || Error::input("cannot verify", name, "there is no such case");
         let case = every.iter().find(|case| case.name == *name).ok_or_else(unknown)?;
-        Ok((case, own.iter().map(|row| row.spec()?.method()).collect::<Result<Vec<_>>>()?))
+        let method = |row: &Row| row.spec().and_then(|spec| spec.method()).map_err(|e| e.at(name));
+        Ok((case, own.iter().map(method).collect::<Result<Vec<_>>>()?))
     };
     let cases = rows.chunk_by(|a, b| a.case == b.case).map(tested).collect::<Result<Vec<_>>>()?;
     progress.expect(step.clone(), cases.len());

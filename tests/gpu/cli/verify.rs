@@ -1,4 +1,4 @@
-//! `umbravox verify`, run as a user runs it, on a small table of `compare`.
+//! `umbravox verify`, run as a user runs it, on a small table of `compare` and on archived tables.
 
 use crate::common;
 use crate::program::{refused, succeed, umbravox};
@@ -139,6 +139,8 @@ fn tables_of_other_scenes_and_cases_are_refused() {
         part_of_archive("claims/run", "claims.csv", |line| line.contains(",15 coefficients,shadow_rmse"));
     let path = dir.path().join("claims.csv");
     let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.lines().next().unwrap().to_owned() + "\n").unwrap();
+    assert!(refused(dir.path(), &["verify", "."]).contains("no values"));
     fs::write(&path, text.replace("even medium", "ball")).unwrap();
-    assert!(refused(dir.path(), &["verify", "."]).contains("on ball, which is not built in"));
+    assert!(refused(dir.path(), &["verify", "."]).contains("on the scene `ball`"));
 }
