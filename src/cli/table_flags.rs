@@ -66,7 +66,8 @@ pub fn archived<R: DeserializeOwned>(
     let page = folder.join(format!("{name}.md"));
     let page = match std::fs::read_to_string(&page) {
         Err(e) if e.kind() == ErrorKind::NotFound => {
-            print_message("note", &format_args!("{} is missing: values may differ by 2 %", page.display()));
+            let why = "is missing: the table counts as one of another adapter";
+            print_message("note", &format_args!("{} {why}", page.display()));
             String::new()
         }
         text => text.map_err(|e| Error::input("cannot verify", page.display(), e))?,

@@ -51,8 +51,8 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
     bar.finish_and_clear();
     let Verified { values, differences, not_compared } = verified?;
     if not_compared > 0 {
-        let text = "values of times, or that depend on the revision, the adapter or the driver";
-        print_message("note", &format_args!("{not_compared} {text}, are not compared"));
+        let text = "values are not compared: times, or values that depend on revision, adapter or driver";
+        print_message("note", &format_args!("{not_compared} {text}"));
     }
     if values == 0 {
         let why = "it has no values that can be compared";

@@ -27,14 +27,16 @@ pub fn compare(claims: &[Claim], recorded: &[Row], measured: &[Row], by: Recorde
             verified.compare(&title, "measured", [&figures_text(&row.measured), &now], by);
             continue;
         };
-        match claim.has_timed_verdict() {
-            true => verified.not_compared += 1,
-            false => verified.compare(&title, "holds", [row.holds.word(), again.holds.word()], by),
+        if claim.has_timed_verdict() {
+            verified.not_compared += 1;
+        } else {
+            verified.compare(&title, "holds", [row.holds.word(), again.holds.word()], by);
         }
         for ((before, now), timed) in row.measured.iter().zip(&again.measured).zip(claim.timed_figures()) {
-            match timed {
-                true => verified.not_compared += 1,
-                false => compare_figure(&mut verified, &title, [before, now], by),
+            if timed {
+                verified.not_compared += 1;
+            } else {
+                compare_figure(&mut verified, &title, [before, now], by);
             }
         }
     }
