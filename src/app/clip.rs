@@ -25,13 +25,18 @@ pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
     points
 }
 
+/// Centre of a box.
+fn center(corners: &[DVec3; 8]) -> DVec3 {
+    corners.iter().sum::<DVec3>() / 8.0
+}
+
 /// Position of the handle of a clip plane, world mm: the centre of the polygon inside the box, or else the plane's
 /// point nearest to the box centre.
 pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     let points = outline(corners, plane);
     let on_plane = |p: DVec3| p + plane.normal * (plane.offset_mm - plane.normal.dot(p));
     match points.len() {
-        0 => on_plane(corners.iter().sum::<DVec3>() / 8.0),
+        0 => on_plane(center(corners)),
         n => on_plane(points.iter().sum::<DVec3>() / n as f64),
     }
 }
@@ -45,7 +50,7 @@ pub fn from_side(corners: &[DVec3; 8], view: &AxisView) -> ClipPlane {
 /// Clip plane through the centre of a box with a given normal.
 pub fn through_middle(corners: &[DVec3; 8], normal: DVec3) -> ClipPlane {
     let normal = normal.normalize_or(DVec3::Z);
-    ClipPlane { normal, offset_mm: normal.dot(corners.iter().sum::<DVec3>() / 8.0) }
+    ClipPlane { normal, offset_mm: normal.dot(center(corners)) }
 }
 
 /// Smallest and largest signed distance from the world origin at which a clip plane with a given normal cuts a box,

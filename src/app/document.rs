@@ -187,9 +187,8 @@ impl Document {
 
     /// Centre and radius of the bounding sphere of the open volume, world mm.
     pub fn bounding_sphere(&self) -> (DVec3, f64) {
-        let corners = self.volume.corners_mm();
-        let center = corners.iter().sum::<DVec3>() / 8.0;
-        (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
+        let (center, radius) = self.volume.bounding_sphere_mm();
+        (center, radius.max(1e-6))
     }
 
     /// Fits the camera to the visible part of the open volume, from the current view direction.

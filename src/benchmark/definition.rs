@@ -268,10 +268,8 @@ impl Definition {
         let of_cell = SceneRequest::from_table(&table)?.settings;
         let mut settings = of_cell.over(settings);
         if let Some(offset) = light.offset {
-            let corners = volume.corners_mm();
-            let centre = corners.iter().sum::<DVec3>() / 8.0;
-            let half_diagonal_mm = corners.iter().map(|c| (*c - centre).length()).fold(0.0, f64::max);
-            let position = (centre + offset * half_diagonal_mm).round();
+            let (centre, radius) = volume.bounding_sphere_mm();
+            let position = (centre + offset * radius).round();
             settings.light = Some(vec![LightSource::from(Light::Point { position })]);
         }
         settings.name = Some(cell.name.clone());

@@ -247,7 +247,6 @@ fn method_record(
 fn space_record(session: &Session) -> SpaceRecord {
     let volume = &session.loaded.volume;
     let grid_from_world = grid_from_world(volume);
-    let corners = volume.corners_mm();
     let dims = volume.dims();
     let active = session.transfer.active.index_box(dims);
     let whole = [DVec3::splat(-0.5), DVec3::from(dims.map(|n| n as f64 - 0.5))];
@@ -256,7 +255,7 @@ fn space_record(session: &Session) -> SpaceRecord {
     SpaceRecord {
         grid_from_world: grid_from_world.to_cols_array(),
         world_from_grid: grid_from_world.inverse().to_cols_array(),
-        volume_center: (corners.iter().sum::<DVec3>() / 8.0).to_array(),
+        volume_center: volume.center_mm().to_array(),
         min_spacing_mm: volume.min_spacing_mm(),
         dims,
         hull: hull.iter().map(DVec3::to_array).collect(),

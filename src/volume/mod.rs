@@ -293,6 +293,12 @@ impl Volume {
         self.corners_mm().iter().sum::<DVec3>() / 8.0
     }
 
+    /// Returns the centre of the sphere through the farthest corners of the volume's domain, and its radius; world mm.
+    pub fn bounding_sphere_mm(&self) -> (DVec3, f64) {
+        let center = self.center_mm();
+        (center, self.corners_mm().iter().map(|c| c.distance(center)).fold(0.0, f64::max))
+    }
+
     /// Returns the value range of each brick (block of grid cells), for empty-space skipping. It is computed once per
     /// volume.
     pub fn bricks(&self) -> &Bricks {

@@ -149,9 +149,7 @@ impl LightEntry {
 
 /// Default lights of a stability case: an oblique directional light, and a point light well outside the volume.
 fn default_lights(volume: &Volume) -> [Light; 2] {
-    let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+    let (center, radius) = volume.bounding_sphere_mm();
     let position = center + DVec3::new(-0.6, 0.35, 0.7).normalize() * 3.0 * radius;
     [Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) }, Light::Point { position }]
 }
