@@ -8,7 +8,7 @@ use super::settings::Settings;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::budget::search::Search;
-use crate::measure::budget::{Budget, By};
+use crate::measure::budget::{Budget, ErrorMeasure};
 use crate::measure::errors::VisiblePoints;
 use crate::measure::job::{Effort, Job};
 use crate::measure::small_scene::small_scene;
@@ -192,10 +192,10 @@ impl<'a> CellJob<'a> {
                 Ok(Row { note: e.to_string(), ..Row::default() })
             })
         };
-        let sides = settings.sides();
-        let most_trials = sides.len() * trials;
+        let axes = settings.axes();
+        let most_trials = axes.len() * trials;
         let mut search =
-            Search::new(sides, |place| settings.canonical(place), attempt).limited_to(most_trials);
+            Search::new(axes, |place| settings.canonical(place), attempt).limited_to(most_trials);
         for (budget, place) in
             budgets.iter().flat_map(|budget| starts.iter().map(move |place| (budget, place)))
         {
@@ -203,14 +203,14 @@ impl<'a> CellJob<'a> {
         }
         let mut converged = Vec::new();
         for budget in budgets.iter().filter(|_| trials > 0) {
-            converged.push(search.look(*budget, By::Points, &settings.default_place())?);
+            converged.push(search.minimize(*budget, ErrorMeasure::Points, &settings.default_place())?);
         }
         let mut answers = Vec::new();
         for (i, budget) in budgets.iter().enumerate() {
             let (text, method) = (budget.to_string(), entry.name.to_owned());
             let none = Answer { budget: text, method, ..Answer::default() };
             let (mut answer, errors) = loop {
-                let Some(place) = search.best_known(*budget, By::Points) else {
+                let Some(place) = search.best_known(*budget, ErrorMeasure::Points) else {
                     break (Answer { note: note.borrow().clone(), ..none }, Errors::new());
                 };
                 let (method, samples) = settings.method(&place).ok_or_else(|| no_method(entry))?;

@@ -3,7 +3,7 @@
 
 use super::answer::Answer;
 use crate::error::Result;
-use crate::measure::budget::search::Side;
+use crate::measure::budget::search::SearchAxis;
 use crate::scene::LightSource;
 use crate::shadow::{Entry, Method, MethodSpec, SearchSpace};
 use itertools::Itertools as _;
@@ -25,9 +25,10 @@ impl<'a> Settings<'a> {
     }
 
     /// Returns the axes of the search.
-    pub fn sides(&self) -> Vec<Side> {
-        let of_method = self.space.axes().iter().map(|axis| Side { len: axis.len(), ordered: axis.ordered });
-        let samples = self.source.is_soft().then_some(Side { len: SAMPLES.len(), ordered: true });
+    pub fn axes(&self) -> Vec<SearchAxis> {
+        let of_method =
+            self.space.axes().iter().map(|axis| SearchAxis { len: axis.len(), ordered: axis.ordered });
+        let samples = self.source.is_soft().then_some(SearchAxis { len: SAMPLES.len(), ordered: true });
         samples.into_iter().chain(of_method).collect()
     }
 
@@ -96,7 +97,7 @@ mod tests {
     fn a_light_with_a_size_adds_an_axis_of_samples() {
         let (hard, soft) = (source("dir:0,0,1"), source("sun:0,0,1,angle=10,samples=20"));
         let [hard, soft] = [&hard, &soft].map(|s| Settings::of(entry("dsm").unwrap(), s).unwrap());
-        assert_eq!(soft.sides().len(), hard.sides().len() + 1);
+        assert_eq!(soft.axes().len(), hard.axes().len() + 1);
         assert!(hard.method(&hard.default_place()).unwrap().1.is_none());
         let (method, samples) = soft.method(&soft.default_place()).unwrap();
         assert_eq!(samples, Some(16));

@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn not_a_number_violates_any_bound() {
+    fn nan_violates_any_bound() {
         let r = report(|z| if z == 1.0 { f64::NAN } else { exact(z) }, Some(narrow()));
         assert_eq!((r.satisfied(), r.violations, r.ray_err_max()), (Some(false), 1, Some(f64::INFINITY)));
         assert_eq!(r.worst.unwrap().depth_mm, 1.0);

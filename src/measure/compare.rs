@@ -6,7 +6,7 @@
 //! run in turn.
 
 use super::budget::tune::{Chosen, tune};
-use super::budget::{Budget, By, Uses, tuned_for};
+use super::budget::{Budget, ErrorMeasure, Uses, tuned_for};
 use super::comparison::{Compared, Comparison, take_differences};
 use super::facts::{Facts, job_key, row_key};
 use super::job::{Effort, Job, SLOW_FRAME_MS, file_name_part, name_of};
@@ -150,7 +150,7 @@ fn beside(
 
 /// Fills the columns `tuned` and `tuned_for` of a comparison table row. Adds a note where the row's measured memory
 /// or time exceeds its budget.
-fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
+fn say_tuned(compared: &mut Compared, uses: &[(Budget, ErrorMeasure)]) {
     let row = &mut compared.row;
     (row.tuned, row.tuned_for) = (Some(!uses.is_empty()), tuned_for(uses));
     let mut over: Vec<Budget> = Vec::new();

@@ -19,9 +19,10 @@ use rayon::prelude::*;
 
 /// Number of light rays whose exact transmittance curves are in memory at the same time.
 const RAYS_AT_ONCE: usize = 512;
-/// Number of light rays in the prism of each tested texel: half of them anywhere, half close to its edges.
+/// Number of light rays in the prism of each tested texel: a quarter of them anywhere, a quarter close to its sides, half
+/// close to its edges.
 const RAYS_A_TEXEL: usize = 8;
-/// Distance from the axis of a prism to the rays close to its edges, in texels.
+/// Distance from the axis of a prism to the rays close to its sides and edges, along columns or rows, in texels.
 const EDGE: f64 = 0.499;
 
 /// Parameters for a test of an enclosure.
@@ -81,7 +82,6 @@ impl EnclosureTest<'_> {
         let share = |k: usize| mix_to_unit(seed ^ mix(k as u64));
         let offset = |k: usize| {
             let any = 2.0 * DVec2::new(share(2 * k), share(2 * k + 1)) - 1.0;
-            // One ray in four anywhere, one on an edge, and two on corners.
             EDGE * match k % 4 {
                 0 => any,
                 1 => any / any.abs().max_element(),

@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_kept_comes_back_as_it_was() {
+    fn journal_round_trip() {
         let dir = tempfile::tempdir().unwrap();
         written(dir.path());
         let mut journal = Journal::open(dir.path(), true).unwrap();

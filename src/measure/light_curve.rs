@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn farthest_takes_what_is_no_number_for_the_worst() {
+    fn nan_is_the_largest_deviation() {
         let curve = LightCurve {
             point_mm: DVec3::ZERO,
             point_depth_mm: 0.0,

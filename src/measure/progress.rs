@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_takes_as_long_as_its_like() {
+    fn remaining_time_follows_similar_steps() {
         let mut progress = Progress::unseen();
         let step = Step::new;
         for method in ["dsm", "rays"] {
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bar_is_told_what_starts_and_how_much_there_is() {
+    fn progress_bar_receives_steps_and_total() {
         let mut shown = Vec::new();
         let mut progress =
             Progress::new(|s| shown.push((s.what.to_owned(), s.done, s.total, s.left_s.is_some())));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_watcher_hears_of_steps_and_rows_and_ends_it() {
+    fn observer_receives_rows_and_can_cancel() {
         #[derive(Default)]
         struct Heard {
             shares: Vec<(StepKind, String, f32)>,

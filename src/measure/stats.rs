@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_that_is_no_number_cannot_hide() {
+    fn nan_error_counts_as_infinite() {
         let s = ErrorStats::of([(0.0, 1.0), (f64::NAN, 1e-6), (f64::NAN, 0.0)]).unwrap().unwrap();
         assert_eq!((s.count, s.non_finite, s.max_abs, s.rms), (2, 1, f64::INFINITY, f64::INFINITY));
         assert_eq!(s.p99_abs, 0.0);

@@ -6,7 +6,7 @@
 use super::number::significant;
 use super::writers::{side_table_csv, write_files};
 use crate::error::Result;
-use crate::measure::budget::{Budget, By, budgets_of};
+use crate::measure::budget::{Budget, ErrorMeasure, budgets_of};
 use crate::measure::table::Row;
 use itertools::Itertools as _;
 use std::borrow::Borrow;
@@ -18,7 +18,7 @@ pub struct Answer<'a> {
     /// Memory or time budget that the ranked rows of the comparison table do not exceed.
     pub budget: Budget,
     /// Error measure by which shadow methods are ranked: the smallest error is first.
-    pub by: By,
+    pub by: ErrorMeasure,
     /// Most accurate comparison-table row of each shadow method within the budget, with its error. Rows are sorted by
     /// error, smallest first; the list may be empty.
     pub ranked: Vec<(&'a Row, f64)>,
@@ -28,7 +28,7 @@ impl Answer<'_> {
     /// Whether the error of a ranked row is distinguished from the first: their 95 % intervals do not overlap. `None` for
     /// the first row, and for error measures or rows without intervals.
     pub fn is_separated(&self, place: usize) -> Option<bool> {
-        let (By::Points, [(first, _), ..]) = (self.by, &self.ranked[..]) else { return None };
+        let (ErrorMeasure::Points, [(first, _), ..]) = (self.by, &self.ranked[..]) else { return None };
         let (row, _) = self.ranked.get(place).filter(|_| place > 0)?;
         Some(first.point_err_rms_hi? < row.point_err_rms_lo?)
     }
@@ -40,7 +40,7 @@ pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
     let budgets = budgets_of(rows);
     let mut answers = Vec::new();
     for place in rows.iter().map(Row::place).unique() {
-        for (budget, by) in budgets.iter().flat_map(|b| By::ALL.map(|by| (*b, by))) {
+        for (budget, by) in budgets.iter().flat_map(|b| ErrorMeasure::ALL.map(|by| (*b, by))) {
             let own = rows.iter().filter(|row| row.place() == place && takes_part(row, budget));
             let mut ranked: Vec<(&Row, f64)> = Vec::new();
             for (row, error) in own.filter_map(|row| Some((row, by.error(row)?))) {
@@ -76,8 +76,8 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
         let separated = answer.is_separated(1);
         let Answer { budget, by, ranked } = answer;
         let what = match by {
-            By::Points => "point err rms",
-            By::Picture => "image rmse",
+            ErrorMeasure::Points => "point err rms",
+            ErrorMeasure::Picture => "image rmse",
         };
         let need = |row: &Row| match budget {
             Budget::Bytes(_) => {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn winners_and_runners_up_come_out() {
+    fn methods_are_ranked_within_each_budget() {
         let rows = planted();
         let got: Vec<_> = answers(&rows)
             .iter()
@@ -187,10 +187,10 @@ mod tests {
             .collect();
         let expected = [
             // Equally close: dom needs less; `rays` stores nothing and does not take part.
-            ("bytes=100", By::Points, vec!["dom", "osm", "dsm"]),
-            ("bytes=100", By::Picture, vec!["dom", "bom", "dsm", "osm"]),
-            ("ms=60", By::Points, vec!["dsm", "osm", "none"]),
-            ("ms=60", By::Picture, vec!["dsm", "osm", "none"]),
+            ("bytes=100", ErrorMeasure::Points, vec!["dom", "osm", "dsm"]),
+            ("bytes=100", ErrorMeasure::Picture, vec!["dom", "bom", "dsm", "osm"]),
+            ("ms=60", ErrorMeasure::Points, vec!["dsm", "osm", "none"]),
+            ("ms=60", ErrorMeasure::Picture, vec!["dsm", "osm", "none"]),
         ];
         assert_eq!(got.len(), expected.len());
         for (got, (budget, by, ranked)) in got.into_iter().zip(expected) {
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn other_scenes_failures_and_tables_without_budgets() {
+    fn ranking_ignores_other_scenes_and_failures() {
         let mut rows = planted();
         rows[6].scene = "another".into();
         rows[4].set_failed(&"planted");

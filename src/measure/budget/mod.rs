@@ -4,7 +4,7 @@
 //! A budget `bytes` limits the table column `bytes`. A budget `ms` limits `build_ms + frame_ms`, the time of a
 //! picture after the light has moved, and a budget `frames` the column `frames`, the same time in frames without
 //! shadows. For each budget, two errors are minimized in turn: `point_err_rms` and
-//! `image_rmse` ([`By`]). [`search`] shares the trials of a method among all budgets and both errors. A trial is a
+//! `image_rmse` ([`ErrorMeasure`]). [`search`] shares the trials of a method among all budgets and both errors. A trial is a
 //! table row with few columns; [`tune`](mod@tune) measures it on a device.
 
 pub mod search;
@@ -163,14 +163,14 @@ fn positive(text: &str) -> Option<f64> {
 
 /// Error measure (of shadows or of pictures) that a search for a method's settings minimizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum By {
+pub enum ErrorMeasure {
     /// Minimizes the column `point_err_rms`, the rms transmittance error at visible points.
     Points,
     /// Minimizes the column `image_rmse`, the rms difference from the exact picture.
     Picture,
 }
 
-impl By {
+impl ErrorMeasure {
     /// Both error measures that a search for method settings can minimize: error at visible points and error of the
     /// picture.
     pub const ALL: [Self; 2] = [Self::Points, Self::Picture];
@@ -195,11 +195,11 @@ impl By {
 }
 
 /// Memory or time budgets for which a search chose the same method settings, each with the minimized error measure.
-pub type Uses = Vec<(Budget, By)>;
+pub type Uses = Vec<(Budget, ErrorMeasure)>;
 
 /// Text for the comparison table column `tuned_for`: the budgets and error measures for which a search chose a row's
 /// method settings.
-pub fn tuned_for(uses: &[(Budget, By)]) -> String {
+pub fn tuned_for(uses: &[(Budget, ErrorMeasure)]) -> String {
     uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
 }
 
@@ -216,7 +216,8 @@ pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
 pub(super) fn answers(trial: &Row, budgets: &[Budget]) -> bool {
     let known = budgets.iter().all(|b| b.need(trial).is_some() || b.stores_nothing(trial));
     let allowed = budgets.iter().any(|b| b.holds(trial));
-    !trial.note.is_empty() || known && (!allowed || By::ALL.iter().any(|by| by.error(trial).is_some()))
+    !trial.note.is_empty()
+        || known && (!allowed || ErrorMeasure::ALL.iter().any(|by| by.error(trial).is_some()))
 }
 
 #[cfg(test)]
@@ -269,7 +270,8 @@ mod tests {
 
     #[test]
     fn rows_say_their_budgets() {
-        let chosen = [(Budget::Bytes(2 << 20), By::Points), (Budget::Ms(12.5), By::Picture)];
+        let chosen =
+            [(Budget::Bytes(2 << 20), ErrorMeasure::Points), (Budget::Ms(12.5), ErrorMeasure::Picture)];
         let row = Row { tuned_for: tuned_for(&chosen), ..Row::default() };
         assert_eq!(row.tuned_for, "bytes=2MiB point_err_rms; ms=12.5 image_rmse");
         let rows = [Row::default(), row.clone(), row];

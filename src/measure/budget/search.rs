@@ -11,7 +11,7 @@
 //! Trials are stored and shared by all budgets and both errors. Settings that must exceed a memory budget are not
 //! tried: along ordered axes, memory never decreases.
 
-use super::{Budget, By};
+use super::{Budget, ErrorMeasure};
 use crate::error::Result;
 use crate::measure::table::Row;
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ pub type Place = Vec<usize>;
 
 /// Axis of the grid of settings that a search explores: one setting of the shadow method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Side {
+pub struct SearchAxis {
     /// Number of values that the search may choose for one setting of the shadow method.
     pub len: usize,
     /// Whether memory never decreases with the index of this setting's value. Otherwise the setting's values have no
@@ -37,7 +37,7 @@ type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Row> + 'a>;
 
 /// Search over the settings of one shadow method, with all its trials.
 pub struct Search<'a> {
-    sides: Vec<Side>,
+    axes: Vec<SearchAxis>,
     /// Function that returns the same point of the settings grid for all points whose settings have the same effect.
     canonical: Canonical<'a>,
     /// Function that measures the shadow method with the settings at a point of the settings grid.
@@ -56,13 +56,13 @@ impl<'a> Search<'a> {
     /// Creates a search over a grid of method settings, with no trials yet. `canonical` maps grid points with
     /// equivalent settings to the same point; `attempt` measures the method with the settings of a grid point.
     pub fn new(
-        sides: Vec<Side>,
+        axes: Vec<SearchAxis>,
         canonical: impl Fn(&[usize]) -> Place + 'a,
         attempt: impl FnMut(&[usize]) -> Result<Row> + 'a,
     ) -> Self {
         let (canonical, attempt) = (Box::new(canonical), Box::new(attempt));
         let (tried, known, most_trials) = (Vec::new(), HashMap::new(), MOST_TRIALS);
-        Self { sides, canonical, attempt, tried, known, most_trials, left: 0 }
+        Self { axes, canonical, attempt, tried, known, most_trials, left: 0 }
     }
 
     /// Limits the new trials of method settings for one budget and one error measure.
@@ -79,14 +79,14 @@ impl<'a> Search<'a> {
     pub fn start_from(&mut self, budget: Budget, place: &[usize]) -> Result<()> {
         self.left = MOST_TRIALS;
         let place = (self.canonical)(place);
-        if self.is_held(budget, &place)? {
+        if self.is_within(budget, &place)? {
             return Ok(());
         }
-        let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
+        let ordered: Vec<usize> = (0..self.axes.len()).filter(|a| self.axes[*a].ordered).collect();
         if let Some(last) = ordered.last() {
             self.lower(budget, &place, &[*last])?;
         }
-        let is_found = self.best_known(budget, By::Points).is_some();
+        let is_found = self.best_known(budget, ErrorMeasure::Points).is_some();
         if is_found { Ok(()) } else { self.lower(budget, &place, &ordered) }
     }
 
@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// Any error that `attempt` returns.
-    pub fn look(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<bool> {
+    pub fn minimize(&mut self, budget: Budget, by: ErrorMeasure, default: &[usize]) -> Result<bool> {
         self.left = self.most_trials;
         self.starts(budget, by, default)?;
         let Some(mut place) = self.best_known(budget, by) else { return Ok(self.left > 0) };
@@ -127,21 +127,21 @@ impl<'a> Search<'a> {
     /// Tries the method's default settings. Where neither they nor earlier trials are within the budget, it lowers all
     /// ordered settings together, then each alone, until the budget is satisfied; where that fails, also with other words
     /// of the unordered settings.
-    fn starts(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<()> {
+    fn starts(&mut self, budget: Budget, by: ErrorMeasure, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
-        let is_held = self.is_held(budget, &default)?;
+        let is_within = self.is_within(budget, &default)?;
         // A method without memory has no setting within a memory budget.
         let stores_nothing = self.tried.iter().any(|(_, trial)| budget.stores_nothing(trial));
-        if is_held || stores_nothing || self.best_known(budget, by).is_some() {
+        if is_within || stores_nothing || self.best_known(budget, by).is_some() {
             return Ok(());
         }
-        let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
+        let ordered: Vec<usize> = (0..self.axes.len()).filter(|a| self.axes[*a].ordered).collect();
         self.lower(budget, &default, &ordered)?;
         ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))?;
         // Numbers may have no effect with the default word of another setting.
-        let words = self.sides.iter().enumerate().filter(|(_, side)| !side.ordered);
+        let words = self.axes.iter().enumerate().filter(|(_, axis)| !axis.ordered);
         let words: Vec<_> =
-            words.flat_map(|(axis, side)| (0..side.len).map(move |word| (axis, word))).collect();
+            words.flat_map(|(index, axis)| (0..axis.len).map(move |word| (index, word))).collect();
         for (axis, word) in words {
             if self.best_known(budget, by).is_some() {
                 break;
@@ -164,13 +164,13 @@ impl<'a> Search<'a> {
         // Invariant: `low` is within the budget, `high` exceeds it.
         let (mut low, mut high) = (0, steps);
         let lowest = at(self, 0);
-        if !self.is_held(budget, &lowest)? {
+        if !self.is_within(budget, &lowest)? {
             return Ok(());
         }
         while high - low > 1 {
             let middle = (low + high) / 2;
             let place = at(self, middle);
-            if self.is_held(budget, &place)? { low = middle } else { high = middle }
+            if self.is_within(budget, &place)? { low = middle } else { high = middle }
         }
         Ok(())
     }
@@ -178,7 +178,7 @@ impl<'a> Search<'a> {
     /// Returns the steps that the search tries from a point of the settings grid, small ones first. An unordered setting
     /// jumps to each of its values.
     fn moves(&self) -> Vec<Vec<(usize, Step)>> {
-        let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
+        let ordered: Vec<usize> = (0..self.axes.len()).filter(|a| self.axes[*a].ordered).collect();
         let single = |by: [isize; 2]| {
             let of_axis = move |axis: &usize| by.map(|by| vec![(*axis, Step::By(by))]);
             ordered.iter().flat_map(of_axis).collect::<Vec<_>>()
@@ -188,8 +188,8 @@ impl<'a> Search<'a> {
             let step = move |(a, b)| vec![(a, Step::By(1)), (b, Step::By(down))];
             pairs.filter(|(a, b)| a != b).map(step).collect::<Vec<_>>()
         };
-        let words = self.sides.iter().enumerate().filter(|(_, side)| !side.ordered);
-        let jumps = words.flat_map(|(axis, side)| (0..side.len).map(move |to| vec![(axis, Step::To(to))]));
+        let words = self.axes.iter().enumerate().filter(|(_, axis)| !axis.ordered);
+        let jumps = words.flat_map(|(index, axis)| (0..axis.len).map(move |to| vec![(index, Step::To(to))]));
         let near = [single([1, -1]), jumps.collect(), exchange(-1)];
         let far = [single([2, -2]), exchange(-2), single([4, -4])];
         near.into_iter().chain(far).flatten().collect()
@@ -204,7 +204,7 @@ impl<'a> Search<'a> {
                 Step::To(index) => *index,
                 Step::By(by) => next[*axis].checked_add_signed(*by)?,
             };
-            if index >= self.sides[*axis].len {
+            if index >= self.axes[*axis].len {
                 return None;
             }
             next[*axis] = index;
@@ -213,8 +213,8 @@ impl<'a> Search<'a> {
         (next != place).then_some(next)
     }
 
-    fn is_closer(&mut self, budget: Budget, by: By, next: &Place, than: &Place) -> Result<bool> {
-        if !self.is_held(budget, next)? {
+    fn is_closer(&mut self, budget: Budget, by: ErrorMeasure, next: &Place, than: &Place) -> Result<bool> {
+        if !self.is_within(budget, next)? {
             return Ok(false);
         }
         Ok(match (self.score(budget, by, next), self.score(budget, by, than)) {
@@ -224,14 +224,14 @@ impl<'a> Search<'a> {
     }
 
     /// Returns the error of a method with settings already tried, followed by its memory or time to break ties.
-    fn score(&self, budget: Budget, by: By, place: &Place) -> Option<(f64, f64)> {
+    fn score(&self, budget: Budget, by: ErrorMeasure, place: &Place) -> Option<(f64, f64)> {
         let trial = &self.tried[*self.known.get(place)?].1;
         Some((by.error(trial)?, budget.need(trial)?))
     }
 
     /// Returns the grid point of the tried method settings with the smallest error within a budget; `None` where no
     /// trial satisfies the budget.
-    pub fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
+    pub fn best_known(&self, budget: Budget, by: ErrorMeasure) -> Option<Place> {
         let allowed = self.tried.iter().filter(|(_, t)| budget.holds(t));
         let scored = allowed.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
         scored
@@ -241,26 +241,26 @@ impl<'a> Search<'a> {
 
     /// Whether a method satisfies a budget with the settings at a point of the settings grid. Measures the method if
     /// these settings were not tried yet.
-    fn is_held(&mut self, budget: Budget, place: &Place) -> Result<bool> {
+    fn is_within(&mut self, budget: Budget, place: &Place) -> Result<bool> {
         if let Some(found) = self.known.get(place) {
             return Ok(budget.holds(&self.tried[*found].1));
         }
-        if self.left == 0 || self.is_surely_over(budget, place) {
+        if self.left == 0 || self.must_exceed(budget, place) {
             return Ok(false);
         }
         self.left -= 1;
         let trial = (self.attempt)(place)?;
         self.known.insert(place.clone(), self.tried.len());
         self.tried.push((place.clone(), trial));
-        self.is_held(budget, place)
+        self.is_within(budget, place)
     }
 
     /// Whether a tried grid point with smaller or equal settings has already exceeded the memory budget, so that this
     /// grid point must exceed it too.
-    fn is_surely_over(&self, budget: Budget, place: &Place) -> bool {
+    fn must_exceed(&self, budget: Budget, place: &Place) -> bool {
         let no_larger = |other: &Place| {
-            let each = self.sides.iter().zip(other).zip(place);
-            each.into_iter().all(|((side, a), b)| if side.ordered { a <= b } else { a == b })
+            let each = self.axes.iter().zip(other).zip(place);
+            each.into_iter().all(|((axis, a), b)| if axis.ordered { a <= b } else { a == b })
         };
         let over = |t: &Row| budget.need(t).is_some_and(|need| need > budget.amount());
         matches!(budget, Budget::Bytes(_)) && self.tried.iter().any(|(other, t)| over(t) && no_larger(other))

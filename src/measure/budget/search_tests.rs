@@ -18,11 +18,11 @@ struct Planted {
     bump: f64,
 }
 
-const SIDES: [Side; 4] = [
-    Side { len: 9, ordered: true },
-    Side { len: 8, ordered: true },
-    Side { len: 3, ordered: false },
-    Side { len: 4, ordered: true },
+const AXES: [SearchAxis; 4] = [
+    SearchAxis { len: 9, ordered: true },
+    SearchAxis { len: 8, ordered: true },
+    SearchAxis { len: 3, ordered: false },
+    SearchAxis { len: 4, ordered: true },
 ];
 const DEFAULT: [usize; 4] = [5, 4, 0, 2];
 
@@ -54,14 +54,14 @@ fn canonical(place: &[usize]) -> Place {
 
 fn every_place() -> Vec<Place> {
     let mut places = vec![Vec::new()];
-    for side in SIDES {
-        places = places.iter().flat_map(|p| (0..side.len).map(move |i| [&p[..], &[i]].concat())).collect();
+    for axis in AXES {
+        places = places.iter().flat_map(|p| (0..axis.len).map(move |i| [&p[..], &[i]].concat())).collect();
     }
     places
 }
 
 /// Returns the smallest synthetic error of all settings of the method within a budget, by exhaustive search.
-fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
+fn least(planted: &Planted, budget: Budget, by: ErrorMeasure) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
     let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());
     allowed.filter_map(|t| by.error(&t)).reduce(f64::min)
@@ -80,7 +80,7 @@ fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
                 tries.set(tries.get() + 1);
                 Ok(planted.trial(place))
             };
-            let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
+            let mut search = Search::new(AXES.to_vec(), canonical, attempt);
             let budgets = [
                 Budget::Bytes(64 * 64 * 3),
                 Budget::Bytes(200_000),
@@ -90,8 +90,8 @@ fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
                 Budget::Ms(25.0),
             ];
             for budget in budgets {
-                for by in By::ALL {
-                    assert!(search.look(budget, by, &DEFAULT).unwrap(), "it came to its end");
+                for by in ErrorMeasure::ALL {
+                    assert!(search.minimize(budget, by, &DEFAULT).unwrap(), "it came to its end");
                     let trial = planted.trial(&search.best_known(budget, by).unwrap());
                     let (got, want) = (by.error(&trial).unwrap(), least(&planted, budget, by).unwrap());
                     assert!(budget.need(&trial).unwrap() <= budget.amount());
@@ -110,17 +110,17 @@ fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
 #[test]
 fn what_no_setting_can_do_is_not_found_and_costs_little() {
     let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
-    let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
+    let mut search = Search::new(AXES.to_vec(), canonical, |p| Ok(planted.trial(p)));
     let mut found = |budget, by| {
-        search.look(budget, by, &DEFAULT).unwrap();
+        search.minimize(budget, by, &DEFAULT).unwrap();
         (search.best_known(budget, by), search.tried.len())
     };
     // Tried: the default settings, and all axes lowered together with each of three words. No lowering of a single axis
     // needs less memory.
-    assert_eq!(found(Budget::Bytes(100), By::Points), (None, 4));
+    assert_eq!(found(Budget::Bytes(100), ErrorMeasure::Points), (None, 4));
     // For times, this is not certain, so single axes are tried too, but only once.
-    assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 7));
-    assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 7));
+    assert_eq!(found(Budget::Ms(1.0), ErrorMeasure::Points), (None, 7));
+    assert_eq!(found(Budget::Ms(2.0), ErrorMeasure::Picture), (None, 7));
 }
 
 #[test]
@@ -137,13 +137,16 @@ fn a_setting_that_needs_another_word_is_found() {
             ..Row::default()
         })
     };
-    let sides = vec![Side { len: 4, ordered: true }, Side { len: 2, ordered: false }];
-    let mut search = Search::new(sides, canonical, attempt);
-    search.look(Budget::Ms(15.0), By::Points, &[3, 0]).unwrap();
-    assert_eq!(search.best_known(Budget::Ms(15.0), By::Points), Some(vec![1, 1]));
+    let axes = vec![SearchAxis { len: 4, ordered: true }, SearchAxis { len: 2, ordered: false }];
+    let mut search = Search::new(axes, canonical, attempt);
+    search.minimize(Budget::Ms(15.0), ErrorMeasure::Points, &[3, 0]).unwrap();
+    assert_eq!(search.best_known(Budget::Ms(15.0), ErrorMeasure::Points), Some(vec![1, 1]));
     let tried = search.tried.len();
-    search.look(Budget::Bytes(1000), By::Points, &[3, 0]).unwrap();
-    assert_eq!((search.best_known(Budget::Bytes(1000), By::Points), search.tried.len()), (None, tried));
+    search.minimize(Budget::Bytes(1000), ErrorMeasure::Points, &[3, 0]).unwrap();
+    assert_eq!(
+        (search.best_known(Budget::Bytes(1000), ErrorMeasure::Points), search.tried.len()),
+        (None, tried)
+    );
 }
 
 #[test]
@@ -151,12 +154,12 @@ fn known_settings_that_exceed_a_budget_are_lowered_by_their_size_alone() {
     let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
     // The size of the map is the last axis.
     let turned = |place: &[usize]| planted.trial(&[place[2], place[0], place[1], 2]);
-    let sides = vec![SIDES[1], SIDES[2], SIDES[0]];
-    let mut search = Search::new(sides, <[usize]>::to_vec, |place| Ok(turned(place)));
+    let axes = vec![AXES[1], AXES[2], AXES[0]];
+    let mut search = Search::new(axes, <[usize]>::to_vec, |place| Ok(turned(place)));
     let known = [6, 1, 8];
     let budget = Budget::Bytes(turned(&[6, 1, 4]).bytes.unwrap());
     search.start_from(budget, &known).unwrap();
-    assert_eq!(search.best_known(budget, By::Points), Some(vec![6, 1, 4]));
+    assert_eq!(search.best_known(budget, ErrorMeasure::Points), Some(vec![6, 1, 4]));
     assert!(search.tried.iter().all(|(place, _)| place[..2] == known[..2]));
 }
 
@@ -164,8 +167,8 @@ fn known_settings_that_exceed_a_budget_are_lowered_by_their_size_alone() {
 fn what_is_sure_to_overrun_is_not_tried() {
     let planted = Planted { texel: 8.0, layer: 0.0, words: [0.0; 3], bump: 0.0 };
     let budget = Budget::Bytes(200_000);
-    let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
-    search.look(budget, By::Points, &DEFAULT).unwrap();
+    let mut search = Search::new(AXES.to_vec(), canonical, |p| Ok(planted.trial(p)));
+    search.minimize(budget, ErrorMeasure::Points, &DEFAULT).unwrap();
     for (i, (place, _)) in search.tried.iter().enumerate() {
         let over = search.tried[..i].iter().filter(|(_, t)| t.bytes.unwrap() > 200_000);
         for (other, _) in over {
@@ -187,9 +190,9 @@ fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
             _ => trial,
         })
     };
-    let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
-    search.look(Budget::Bytes(1 << 40), By::Points, &DEFAULT).unwrap();
-    let place = search.best_known(Budget::Bytes(1 << 40), By::Points).unwrap();
+    let mut search = Search::new(AXES.to_vec(), canonical, attempt);
+    search.minimize(Budget::Bytes(1 << 40), ErrorMeasure::Points, &DEFAULT).unwrap();
+    let place = search.best_known(Budget::Bytes(1 << 40), ErrorMeasure::Points).unwrap();
     assert_eq!((place[0], place[1]), (5, 7));
     drop(search);
     let mut left = 7;
@@ -197,7 +200,7 @@ fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
         left -= 1;
         if left == 0 { Err(crate::error::Error::cancelled("trial")) } else { Ok(planted.trial(place)) }
     };
-    let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
-    assert!(search.look(Budget::Ms(50.0), By::Points, &DEFAULT).unwrap_err().is_cancelled());
+    let mut search = Search::new(AXES.to_vec(), canonical, attempt);
+    assert!(search.minimize(Budget::Ms(50.0), ErrorMeasure::Points, &DEFAULT).unwrap_err().is_cancelled());
     assert_eq!(search.tried.len(), 6);
 }

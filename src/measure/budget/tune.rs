@@ -1,8 +1,8 @@
 //! Tuning of shadow methods on a graphics device: searches the settings of each method within budgets of memory and
 //! time.
 
-use super::search::{MOST_TRIALS, Place, Search, Side};
-use super::{Budget, By, Uses, answers, tuned_for};
+use super::search::{MOST_TRIALS, Place, Search, SearchAxis};
+use super::{Budget, ErrorMeasure, Uses, answers, tuned_for};
 use crate::error::{Error, Result};
 use crate::measure::facts::row_key;
 use crate::measure::job::{Job, name_of};
@@ -115,14 +115,14 @@ fn one_method(
     attempt: &mut dyn FnMut(&[usize]) -> Result<Row>,
     tuned: &mut Tuned,
 ) -> Result<()> {
-    let sides = space.axes().iter().map(|a| Side { len: a.len(), ordered: a.ordered }).collect();
-    let mut search = Search::new(sides, |place| space.canonical(place), attempt);
+    let axes = space.axes().iter().map(|a| SearchAxis { len: a.len(), ordered: a.ordered }).collect();
+    let mut search = Search::new(axes, |place| space.canonical(place), attempt);
     let default = space.default_place();
     let mut order = budgets.to_vec();
     order.sort_by(Budget::order);
-    let questions: Uses = order.iter().flat_map(|budget| By::ALL.map(|by| (*budget, by))).collect();
+    let questions: Uses = order.iter().flat_map(|budget| ErrorMeasure::ALL.map(|by| (*budget, by))).collect();
     for (budget, by) in &questions {
-        if !search.look(*budget, *by, &default)? {
+        if !search.minimize(*budget, *by, &default)? {
             let name = entry.name;
             tuned.notes.push(format!("{name}: the search within {budget} ended after {MOST_TRIALS} trials"));
         }
@@ -135,7 +135,7 @@ fn one_method(
                 Some((_, uses)) => uses.push((budget, by)),
                 None => chosen.push((place, vec![(budget, by)])),
             },
-            None if by == By::Points
+            None if by == ErrorMeasure::Points
                 && !search.tried.iter().any(|(_, trial)| budget.stores_nothing(trial)) =>
             {
                 tuned.notes.push(nothing_held(entry, budget, &search.tried));
