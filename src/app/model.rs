@@ -18,12 +18,12 @@ use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{RunFlags, SceneRequest, SceneSettings, VolumeSpec, presets};
-use crate::scene::AXIS_VIEWS;
-use crate::scene::{Light, Scene};
+use crate::scene::{AXIS_VIEWS, Light, Scene};
 use crate::shadow::{METHODS, MethodSpec};
 use eframe::egui::{self, Rect};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 /// Time for which a note stays in the viewer window. Error messages stay until the user closes them.
@@ -48,8 +48,10 @@ pub struct Message {
 pub struct Exporting {
     /// Path of the picture file that is being exported.
     pub path: String,
-    /// Completed fraction of the picture export, 0 to 1.
+    /// Completed fraction, 0 to 1.
     pub share: f32,
+    /// Set to end the export.
+    pub cancelled: Arc<AtomicBool>,
 }
 
 /// State that the panels of the viewer window share: the open volume, results of background threads, and messages.
@@ -354,8 +356,7 @@ impl Model {
         self.settled = revision == self.revision;
     }
 
-    /// Requests the export of the picture to a file of the given width and height, pixels, with or without
-    /// background.
+    /// Requests the export of a picture of a width and height, pixels, to a file.
     pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
         if let Err(e) = check_output(path, PICTURE_EXTENSIONS) {
@@ -366,14 +367,16 @@ impl Model {
             Backdrop::Drawn => document.scene.background,
             Backdrop::LeftOut => [0.0; 3],
         };
+        let cancelled = Arc::default();
         self.thread.push(Job::Export(Box::new(Export {
             path: path.into(),
             tf: Arc::clone(&document.tf),
             method: document.method.clone(),
             scene: Scene { width, height, background, ..document.scene.clone() },
             backdrop,
+            cancelled: Arc::clone(&cancelled),
         })));
-        self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
+        self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0, cancelled });
     }
 
     /// Reports the result of a picture export to the user.

@@ -3,7 +3,6 @@
 use super::messages::{Event, FrameRequest, Job};
 use super::task::Wake;
 use std::collections::VecDeque;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -26,7 +25,6 @@ impl Slots {
 pub struct Mailbox {
     slots: Mutex<Slots>,
     changed: Condvar,
-    pub cancel_export: AtomicBool,
 }
 
 /// Next request for the render thread: a picture to render, or another job.
@@ -65,6 +63,11 @@ impl Mailbox {
     pub fn quit(&self) {
         self.lock().quit = true;
         self.changed.notify_all();
+    }
+
+    /// Whether [`Self::quit`] was called.
+    pub fn has_quit(&self) -> bool {
+        self.lock().quit
     }
 
     /// Whether a request waits for the render thread, so that the refinement of a picture should stop.

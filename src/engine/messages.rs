@@ -14,6 +14,7 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Settings that determine a rendered picture: transfer function, shadow methods and scene.
@@ -233,6 +234,8 @@ pub struct Export {
     /// Scene to export. Its width and height are the size of the picture file, pixels.
     pub scene: Scene,
     pub backdrop: Backdrop,
+    /// Set by the window to end this export, also before it starts.
+    pub cancelled: Arc<AtomicBool>,
 }
 
 /// Result of a picture export; `false` if the export was cancelled.

@@ -20,5 +20,5 @@ pub mod task;
 pub use cached_session::{CachedSession, Prepared, ResidentPages};
 pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;
-pub use rotation::{RotatedScene, Rotation};
+pub use rotation::Rotation;
 pub use shadow_cache::{Building, MapCoverage, MapSource, ReusePolicy, ShadowCache, Work};

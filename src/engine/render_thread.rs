@@ -49,11 +49,6 @@ impl RenderThread {
         self.mailbox.push(job);
     }
 
-    /// Cancels the picture export that is running.
-    pub fn cancel_export(&self) {
-        self.mailbox.cancel_export.store(true, Ordering::Relaxed);
-    }
-
     /// Returns the render thread's messages (results, progress, errors) since the last call.
     pub fn events(&self) -> Vec<Event> {
         self.events.try_iter().collect()
@@ -62,7 +57,6 @@ impl RenderThread {
 
 impl Drop for RenderThread {
     fn drop(&mut self) {
-        self.cancel_export();
         self.mailbox.quit();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -110,8 +104,7 @@ fn handle(
             jobs::thumbnail((session, copy), *request, events)
         }
         Job::Export(export) => {
-            mailbox.cancel_export.store(false, Ordering::Relaxed);
-            let proceed = || !mailbox.cancel_export.load(Ordering::Relaxed);
+            let proceed = || !export.cancelled.load(Ordering::Relaxed) && !mailbox.has_quit();
             let result = jobs::export(session, &export, events, proceed);
             events.send(Event::Exported(Exported { path: export.path, result }));
             Ok(())

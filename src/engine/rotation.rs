@@ -13,27 +13,9 @@ pub enum Rotation {
     Lights,
 }
 
-/// Scene at one step of a full rotation of the camera or the lights.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RotatedScene {
-    /// Rotation angle of this scene, degrees, counterclockwise as seen from the tip of the camera's `up` vector.
-    pub angle_deg: f64,
-    /// Scene with the camera or the lights rotated by the angle `angle_deg`.
-    pub scene: Scene,
-}
-
 impl Rotation {
     /// Maximum number of pictures in a full rotation, since their file names have four digits.
     pub const MAX_PICTURES: u32 = 10_000;
-
-    /// Returns the scenes of a full rotation in `count` equal steps. The first is `scene` itself.
-    pub fn scenes(self, scene: &Scene, count: u32) -> impl ExactSizeIterator<Item = RotatedScene> {
-        let scene = scene.clone();
-        (0..count).map(move |step| {
-            let angle_deg = 360.0 * f64::from(step) / f64::from(count);
-            RotatedScene { angle_deg, scene: self.rotated(&scene, angle_deg) }
-        })
-    }
 
     /// Whether the rotation changes the scene. A light sweep changes nothing if every light lies on the rotation
     /// axis.
@@ -52,7 +34,8 @@ impl Rotation {
             })
     }
 
-    /// Returns the scene with the camera or the lights rotated by an angle, degrees.
+    /// Returns the scene with the camera or the lights rotated by an angle, degrees, counterclockwise as seen from the
+    /// tip of the camera's `up` vector.
     pub fn rotated(self, scene: &Scene, angle_deg: f64) -> Scene {
         if angle_deg == 0.0 {
             return scene.clone();
@@ -94,14 +77,13 @@ mod tests {
     #[test]
     fn a_camera_goes_around_its_target_at_one_height_and_distance() {
         let scene = scene();
-        let turned: Vec<RotatedScene> = Rotation::Camera.scenes(&scene, 8).collect();
-        assert_eq!(turned.len(), 8);
-        assert_eq!(turned[0], RotatedScene { angle_deg: 0.0, scene: scene.clone() });
+        let turned: Vec<Scene> =
+            (0..8).map(|step| Rotation::Camera.rotated(&scene, 45.0 * f64::from(step))).collect();
+        assert_eq!(turned[0], scene);
         // From the front (-y) counterclockwise to the right (+x).
-        assert_eq!(turned[2].angle_deg, 90.0);
-        assert!((turned[2].scene.camera.eye - DVec3::new(11.0, 2.0, 4.0)).length() < 1e-12);
-        assert!((turned[4].scene.camera.eye - DVec3::new(1.0, 12.0, 4.0)).length() < 1e-12);
-        for RotatedScene { scene: other, .. } in &turned {
+        assert!((turned[2].camera.eye - DVec3::new(11.0, 2.0, 4.0)).length() < 1e-12);
+        assert!((turned[4].camera.eye - DVec3::new(1.0, 12.0, 4.0)).length() < 1e-12);
+        for other in &turned {
             assert_eq!(Scene { camera: scene.camera, ..other.clone() }, scene, "nothing else moves");
             let away = other.camera.eye - other.camera.target;
             assert!((away.length() - 101_f64.sqrt()).abs() < 1e-12 && (away.z - 1.0).abs() < 1e-12);
@@ -111,10 +93,9 @@ mod tests {
     #[test]
     fn lights_go_around_the_same_axis() {
         let scene = scene();
-        let turned: Vec<RotatedScene> = Rotation::Lights.scenes(&scene, 4).collect();
-        assert_eq!(turned[0].scene, scene);
-        let RotatedScene { angle_deg, scene: quarter } = &turned[1];
-        assert_eq!((*angle_deg, quarter.camera, quarter.lights[1].intensity), (90.0, scene.camera, 0.5));
+        assert_eq!(Rotation::Lights.rotated(&scene, 0.0), scene);
+        let quarter = Rotation::Lights.rotated(&scene, 90.0);
+        assert_eq!((quarter.camera, quarter.lights[1].intensity), (scene.camera, 0.5));
         let [Light::Directional { toward }, Light::Point { position }] =
             [quarter.lights[0].light, quarter.lights[1].light]
         else {
@@ -122,7 +103,6 @@ mod tests {
         };
         assert!((toward - DVec3::new(0.0, 0.6, 0.8)).length() < 1e-15);
         assert!((position - DVec3::new(1.0, 12.0, 8.0)).length() < 1e-12);
-        assert_eq!(Rotation::Lights.scenes(&scene, 1).len(), 1);
         let above = |z| scene.under(Light::Point { position: DVec3::new(1.0, 2.0, z) }.into());
         assert!(Rotation::Lights.changes(&scene) && Rotation::Camera.changes(&above(90.0)));
         assert!(![90.0, -90.0, 3.0].into_iter().any(|z| Rotation::Lights.changes(&above(z))));

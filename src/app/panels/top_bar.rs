@@ -9,6 +9,7 @@ use crate::phantom::Phantom;
 use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
 use eframe::egui;
+use std::sync::atomic::Ordering;
 
 /// Width above which the path of a recently opened volume is shortened in the menu, screen points.
 const RECENT_WIDTH: f32 = 380.0;
@@ -46,7 +47,7 @@ fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     }
     if let Some(exporting) = &model.exporting {
         if ui.button("Cancel").on_hover_text("End the export").clicked() {
-            model.thread.cancel_export();
+            exporting.cancelled.store(true, Ordering::Relaxed);
         }
         let bar = egui::ProgressBar::new(exporting.share).desired_width(120.0).show_percentage();
         ui.add(bar).on_hover_text(&exporting.path);
