@@ -37,6 +37,17 @@ pub struct Picture {
 /// Marker for a pixel whose eye ray has not started, in the buffer that holds how far each eye ray has been marched.
 pub(super) const NOT_STARTED: f32 = -FAR;
 
+/// Number of unfinished pixels and padding, before the progress of the pixels in that buffer, 32-bit words.
+const PROGRESS_HEADER_WORDS: usize = 4;
+
+/// Returns the number of picture rows of which the adapter can bind all buffers; their largest has `row_bytes` for each
+/// row, and the adapter binds `most` bytes.
+fn most_rows(row_bytes: u64, most: u64) -> u32 {
+    let header_bytes = 4 * PROGRESS_HEADER_WORDS as u64;
+    let rows = u32::try_from(most.saturating_sub(header_bytes) / row_bytes).unwrap_or(u32::MAX);
+    (rows / PICTURE_SIDE).max(1) * PICTURE_SIDE
+}
+
 impl Renderer {
     /// Renders a picture of a scene; `shadows` holds the shadow maps of its lights, in the order of the lights.
     ///
@@ -151,17 +162,15 @@ impl Renderer {
         let deferred = shadows.deferred.unwrap_or(&none);
         let (mut plan, caster, host_ms) = self.caster((loaded, transfer), maps, scene, deferred)?;
         let (width, height) = (scene.width, scene.height);
-        // The adapter has to bind the buffers of a band.
         let row_bytes = u64::from(width) * 16;
-        let largest_row_bytes = u64::from(width) * caster.pixel_bytes();
         let limits = self.gpu().device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let highest = u32::try_from(most / largest_row_bytes).unwrap_or(u32::MAX);
-        let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
+        let highest = most_rows(u64::from(width) * caster.pixel_bytes(), most);
         // The time of a picture includes the search for its tiles on the host.
         let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| host_ms), wall_ms: host_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
-        let Range { start: mut first_row, end } = output.rows(height);
+        let Range { start: begin, end } = output.rows(height);
+        let mut first_row = begin;
         while first_row < end {
             let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
             // Each part of a picture would need a sweep of its own.
@@ -177,8 +186,10 @@ impl Renderer {
             };
             let band = Band { buffer: &buffer, first_row, rows };
             let after = output.pass(&band)?;
-            let mut advanced =
-                |share: f32| output.advanced((first_row as f32 + share * rows as f32) / height as f32);
+            let mut advanced = |share: f32| {
+                let done = (first_row - begin) as f32 + share * rows as f32;
+                output.advanced(done / (end - begin) as f32)
+            };
             let after = after.as_ref();
             let is_drawn =
                 self.cast_band(&caster, &band, (pixels, pacing), after, &mut span, &mut advanced)?;
@@ -204,11 +215,11 @@ impl Renderer {
         advanced: &mut dyn FnMut(f32) -> bool,
     ) -> Result<bool> {
         let width = caster.scene.width;
-        // Number of unfinished pixels and padding, then the progress of each pixel: sample, light there, last two values.
+        // Progress of a pixel: sample, light there, last two values.
         let resumable = caster.passes.iter().any(|pass| pass.resumable || pass.sections.is_some());
         let pixels_here = if resumable { rows as usize * width as usize } else { 1 };
-        let mut start = vec![f32::from_bits(0); 4];
-        start.resize(4 * pixels_here + 4, NOT_STARTED);
+        let mut start = vec![f32::from_bits(0); PROGRESS_HEADER_WORDS];
+        start.resize(4 * pixels_here + PROGRESS_HEADER_WORDS, NOT_STARTED);
         let progress = StorageBuffer::from_slice(self.gpu(), "progress", &start)?;
         let mut pixels = Some(pixels);
         let mut first_column = 0;
@@ -372,5 +383,12 @@ mod tests {
         // Eight rows already have more pixels than that, and so a part of their columns is drawn.
         assert_eq!((pixels_to_rows(1000, 1000), pixels_to_columns(1000, 8)), (8, 120));
         assert_eq!((pixels_to_rows(1, 1000), pixels_to_columns(1, 8)), (8, LEAST_COLUMNS));
+    }
+
+    #[test]
+    fn progress_and_its_header_fit_into_a_buffer() {
+        assert_eq!(most_rows(4096 * 16, 1 << 27), 2040);
+        assert_eq!(most_rows(4096 * 16, (1 << 27) + 16), 2048);
+        assert_eq!(most_rows(4096 * 16, 1), PICTURE_SIDE, "the least, which is refused later");
     }
 }
