@@ -163,7 +163,7 @@ for name in chosen:
     print(f"{name} ...", file=sys.stderr, flush=True)
     try:
         body = sections[name]()
-    except Failed as why:
+    except (Failed, OSError, ValueError, KeyError) as why:
         body = f"**Failed.**\n```text\n{why}\n```"
         print(why, file=sys.stderr)
     parts[name] = f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\n{build}; in {time.time() - start:.0f} s."

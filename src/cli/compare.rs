@@ -331,7 +331,7 @@ fn read_all(
         return Err(Error::input(
             "bad command line",
             "--each-light",
-            "no scene has several lights that shine",
+            "no scene has several lights that are not black",
         ));
     }
     let none = || Error::input("bad command line", "--scene", "no scene");

@@ -7,6 +7,7 @@ use crate::files::loading::Loading;
 use crate::formats::{Head, dicom};
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, is_strand_source, likely_labels, load, load_any_strands};
+use crate::report::number::trimmed;
 use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume};
 use bytesize::ByteSize;
 use clap::Args;
@@ -152,7 +153,7 @@ impl Info {
     }
 }
 
-/// Formats a number with at most six significant digits, without trailing zeros.
+/// Formats a number with six significant digits or all digits of its integer part, without trailing zeros.
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if magnitude != 0.0 && !(1e-4..1e7).contains(&magnitude) {
@@ -160,8 +161,8 @@ fn number(value: f64) -> String {
     }
     let decimals = if magnitude < 1.0 { 6 } else { 5 - magnitude.log10().floor().min(5.0) as usize };
     let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".into() } else { text.into() }
+    let text = trimmed(&text);
+    if text == "-0" { "0".into() } else { text }
 }
 
 /// Properties of an input of `umbravox info`.

@@ -51,7 +51,7 @@ pub fn run(args: &VerifyArgs) -> Result<()> {
     bar.finish_and_clear();
     let Verified { values, differences, not_compared } = verified?;
     if not_compared > 0 {
-        let text = "values are not compared: times, or values that depend on revision, adapter or driver";
+        let text = "values are not compared: they depend on times, revision, adapter or driver";
         print_message("note", &format_args!("{not_compared} {text}"));
     }
     if values == 0 {

@@ -52,7 +52,8 @@ pub fn compare(
         };
         found.push((format!("{spec:#}"), map));
     }
-    let largest = found.iter().map(|(_, map)| round_max(&map.errors.mapv(f32::abs))).fold(0.0, f32::max);
+    let ends = found.iter().filter_map(|(_, map)| round_max(&map.errors.mapv(f32::abs)));
+    let largest = ends.reduce(f32::max).unwrap_or(1.0);
     let side = |(spec, map): (String, ErrorMap)| {
         let colors = map.errors.iter().flat_map(|e| color(*e, largest, request.logarithmic));
         let (gpu, pixels) = (session.renderer.gpu(), colors.collect::<Vec<u8>>());

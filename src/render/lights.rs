@@ -34,7 +34,7 @@ impl<'a> LightMaps<'a> {
         match maps == lights && maps > 0 {
             true => Ok(self),
             false => {
-                let why = format!("{maps} shadow structures for {lights} lights that shine");
+                let why = format!("{maps} shadow maps for {lights} lights that are not black");
                 Err(Error::runtime("cannot render", "picture", why))
             }
         }

@@ -1,7 +1,7 @@
 //! Marks on a picture: directions of the patient, a scale bar, and the colours of the transfer function.
 
 use super::canvas::{Anchor, Drawing, Point, Rect, Rgb, srgb_picture, text_width};
-use super::number::significant;
+use super::number::{significant, trimmed};
 use crate::error::Result;
 use crate::files::color::srgb8_from_linear;
 use crate::scene::{Scene, anatomical_marks};
@@ -131,11 +131,7 @@ fn round_length(most: f64) -> f64 {
 
 /// Formats a number with three significant digits and without zeros at its end.
 fn number(x: f64) -> String {
-    let text = significant(x, 3);
-    if text.contains('.') && !text.contains('e') {
-        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
-    }
-    text
+    trimmed(&significant(x, 3))
 }
 
 #[cfg(test)]

@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_say_what_they_took() {
+    fn grid_cells_show_times_memory_and_error() {
         let picture = Array3::zeros((2, 2, 4));
         let s = shown(&picture, &["epsilon=0.06"]);
         assert_eq!((s.name.as_str(), s.settings), ("dsm", vec!["epsilon=0.06".to_owned(), "map=512".into()]));

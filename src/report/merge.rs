@@ -17,7 +17,9 @@ use crate::measure::comparison::{Compared, take_differences};
 use crate::measure::pareto::mark_pareto;
 use crate::measure::row_measurements::set_frames;
 use crate::measure::table::Row;
+use crate::shadow::NodeMap;
 use itertools::Itertools as _;
+use ndarray::Array2;
 use ndarray_npy::read_npy;
 use std::fmt;
 use std::fs;
@@ -26,6 +28,8 @@ use std::path::{Path, PathBuf};
 const WHAT: &str = "cannot merge";
 /// Largest number of missing table rows that the error message of a merge names.
 const MOST_NAMED: usize = 3;
+/// Number of nodes that no texel of a deep shadow map reaches.
+const MOST_NODES: i32 = 1 << 20;
 
 /// Result folder of one shard (part of a comparison), to be merged with others into one table.
 struct Part {
@@ -195,6 +199,10 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     if missing > 0 {
         made.comparison.notes.push(format!("{missing} rows of the sweep are missing"));
     }
+    let unmerged = [(run.ablate, "ablation tables"), (run.pages, "pages for browsers")];
+    let unmerged = unmerged.into_iter().filter(|(made, _)| *made);
+    made.comparison.notes.extend(unmerged.map(|(_, name)| format!("{name} of the parts are not merged")));
+    (run.ablate, run.pages) = (false, false);
     made.comparison.trials = parts.iter().flat_map(|p| p.trials.clone()).collect();
     for place in places {
         let source = |name: String| place.part.folder.join(name);
@@ -211,7 +219,8 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
         }
         let copied = ["png", "exr"].into_iter().filter(|_| picture.is_some());
         merged.copies.extend(copied.map(|e| (source(format!("{from}.{e}")), format!("{to}.{e}"))));
-        let nodes = read_npy(source(names::nodes(&place.record.slug)));
+        let nodes = source(names::nodes(&place.record.slug));
+        let nodes = if nodes.is_file() { Some(read_nodes(&nodes)?) } else { None };
         run.rows.push(RowRecord { slug: slug.clone(), here: true, ..place.record.clone() });
         made.comparison.compared.push(Compared {
             row: place.row.clone(),
@@ -220,7 +229,7 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
             picture,
             difference: None,
             left_out: Vec::new(),
-            nodes: nodes.ok().map(|signed| node_map(&signed)),
+            nodes,
         });
     }
     made.run = run;
@@ -228,6 +237,14 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     set_frames(made.comparison.compared.iter_mut().map(|c| &mut c.row));
     mark_pareto(made.comparison.compared.iter_mut().map(|c| &mut c.row));
     Ok(merged)
+}
+
+/// Reads the nodes of each texel of a deep shadow map.
+fn read_nodes(path: &Path) -> Result<NodeMap> {
+    let broken = |why: String| Error::input(WHAT, path.display(), why);
+    let signed: Array2<i32> = read_npy(path).map_err(|e| broken(e.to_string()))?;
+    let is_possible = signed.iter().all(|n| (-1..=MOST_NODES).contains(n));
+    is_possible.then(|| node_map(&signed)).ok_or_else(|| broken("it has impossible numbers of nodes".into()))
 }
 
 /// Merges the measurement conditions of all result folders; differing values of one condition are joined with

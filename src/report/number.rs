@@ -19,6 +19,14 @@ pub fn significant(x: f64, digits: usize) -> String {
     format!("{x:.decimals$}")
 }
 
+/// Returns the text of a number without zeros at the end of its fraction.
+pub fn trimmed(number: &str) -> String {
+    let (mantissa, exponent) = number.find('e').map_or((number, ""), |at| number.split_at(at));
+    let short =
+        if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
+    format!("{short}{exponent}")
+}
+
 /// Formats a similarity index such as SSIM with enough decimals to show three significant digits of its distance from
 /// 1.
 pub fn near_one(x: f64) -> String {
@@ -38,6 +46,12 @@ mod tests {
     fn similarities_near_one_are_told_apart() {
         let shown = [0.5, 0.9951, 0.999_87, 0.999_861, 1.0, 0.999_999_999_999].map(near_one);
         assert_eq!(shown, ["0.500", "0.99510", "0.999870", "0.999861", "1.000", "1.000000000"]);
+    }
+
+    #[test]
+    fn numbers_are_trimmed() {
+        let shown = ["0.0500", "0.0375", "10.0", "100", "1.00e-6", "0"].map(trimmed);
+        assert_eq!(shown, ["0.05", "0.0375", "10", "100", "1e-6", "0"]);
     }
 
     #[test]

@@ -74,8 +74,8 @@ pub struct Verified {
     pub values: usize,
     /// Recorded values that differ from the new measurement.
     pub differences: Vec<Difference>,
-    /// Number of recorded values that are not compared: of times, and those that another revision or adapter need not
-    /// reproduce.
+    /// Number of recorded values that another revision or adapter need not reproduce, and of verdicts and figures that
+    /// depend on times. Columns of times are not counted.
     pub not_compared: usize,
 }
 

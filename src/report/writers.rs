@@ -1,5 +1,6 @@
 //! Writes result tables as CSV and JSON, and a description of their columns.
 
+use super::markdown::table_line;
 use super::run::Run;
 use super::side_tables::{SIDE_TABLES, SideTable};
 use crate::error::{Error, Result};
@@ -134,7 +135,7 @@ pub fn columns_markdown() -> String {
 
 fn page<'a>(columns: impl Iterator<Item = [&'a str; 3]>) -> String {
     let line =
-        |[name, unit, about]: [&str; 3]| format!("| `{name}` | {unit} | {} |\n", about.replace('|', "\\|"));
+        |[name, unit, about]: [&str; 3]| table_line([format!("`{name}`"), unit.to_owned(), about.to_owned()]);
     "\n| column | unit | what it is |\n| --- | --- | --- |\n".to_owned()
         + &columns.map(line).collect::<String>()
 }

@@ -41,14 +41,10 @@ pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<P
 /// Returns the upper end of the colour bar that all difference images of one scene and graphics adapter share. It
 /// ignores the picture without shadows, whose large differences would make all other images black.
 pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone) -> f32 {
-    let largest = |c: &Compared| c.difference.as_ref().map(round_max);
-    let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name()).filter_map(largest);
-    // `round_max` of an all-zero difference is 1, which is too large a scale for other pictures.
-    let largest_below_1 =
-        |scales: &mut dyn Iterator<Item = f32>| scales.filter(|s| *s < 1.0).reduce(f32::max);
-    largest_below_1(&mut shadowed.into_iter())
-        .or_else(|| largest_below_1(&mut compared.filter_map(largest)))
-        .unwrap_or(1.0)
+    let end = |c: &Compared| c.difference.as_ref().and_then(round_max);
+    let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name());
+    let largest = shadowed.filter_map(end).reduce(f32::max);
+    largest.or_else(|| compared.filter_map(end).reduce(f32::max)).unwrap_or(1.0)
 }
 
 /// Writes the difference images, the arrays of curve nodes per texel, the figure of all pictures, and `pictures.md` with links to them. Returns the paths of these files and of the shadow methods' pictures.
@@ -183,5 +179,7 @@ mod tests {
         assert!((scale_of(all[3..].iter()) - 1.0).abs() < 1e-6);
         let low = [compared("none", 0.3)];
         assert!((scale_of(low.iter()) - 0.5).abs() < 1e-6, "alone it has its own");
+        let high = [compared("dsm", 0.02), compared("osm", 0.7)];
+        assert!((scale_of(high.iter()) - 1.0).abs() < 1e-6);
     }
 }

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn words_in_columns_of_numbers_are_words() {
+    fn numeric_columns_can_hold_words() {
         let shown = chosen(&["method".into(), "slicing".into(), "layers".into()]).unwrap();
         let text = latex(&sample_rows(), "", &shown, 400.0).text;
         assert!(text.contains("osm & uniform & $8$"), "{text}");

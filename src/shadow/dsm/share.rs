@@ -75,9 +75,14 @@ impl MapShare {
         let damaged = || Error::runtime("cannot merge", "shares of a shadow map", "their words are damaged");
         let (head, rest) = words.split_at_checked(HEAD_WORDS).ok_or_else(damaged)?;
         let (blocks, quads) = rest.split_at_checked(3 * head[0] as usize).ok_or_else(damaged)?;
+        let (blocks, quads) = (blocks.as_chunks::<3>().0, quads.as_chunks::<4>());
+        let is_stored = |&[_, _, first]: &[u32; 3]| (first as usize) < quads.0.len();
+        if !quads.1.is_empty() || !blocks.iter().all(is_stored) {
+            return Err(damaged());
+        }
         Ok(Self {
-            blocks: blocks.as_chunks().0.to_vec(),
-            quads: quads.as_chunks().0.to_vec(),
+            blocks: blocks.to_vec(),
+            quads: quads.0.to_vec(),
             counts: [head[1], head[2], head[3], head[4]],
         })
     }

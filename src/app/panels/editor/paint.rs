@@ -3,6 +3,7 @@
 use crate::app::curve::AmountAxis;
 use crate::app::settings::Settings;
 use crate::files::color;
+use crate::report::number::trimmed;
 use crate::transfer::TransferFunction;
 use crate::volume::Histogram;
 use eframe::egui::{self, Color32, FontId, Mesh, Pos2, Rect, Stroke, pos2};
@@ -43,8 +44,7 @@ pub(in crate::app::panels) fn short(x: f64) -> String {
     }
     if (1e-3..1e5).contains(&x.abs()) {
         let digits = (3.0 - x.abs().max(1e-3).log10().floor()).clamp(0.0, 6.0) as usize;
-        let text = format!("{x:.digits$}");
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+        trimmed(&format!("{x:.digits$}"))
     } else {
         format!("{x:.3e}")
     }
