@@ -65,7 +65,7 @@ impl External {
     /// answer. `scenes` are the texts of the scene files of the cell and of its small picture.
     ///
     /// # Errors
-    /// A file for the program cannot be written.
+    /// A file for the program cannot be written, or a weight of the points is not valid.
     pub fn answer(&self, cell: &CellJob, scenes: [&str; 2], folder: &Path) -> Result<(Answer, Errors)> {
         let mut answer =
             Answer { method: self.name.clone(), settings: self.command.clone(), ..Answer::default() };
@@ -74,24 +74,21 @@ impl External {
         let start = Instant::now();
         let ran = self.run(&files);
         answer.frame_ms = Some(start.elapsed().as_secs_f64() * 1e3);
-        let errors = ran.and_then(|()| files.read_transmittances(cell)).and_then(|errors| {
-            answer.set_errors(&errors)?;
-            Ok(errors)
-        });
-        let picture = files.picture_error(cell);
-        match (errors, picture) {
-            (Ok(errors), Ok(picture)) => {
-                answer.image_rmse = picture;
-                if errors.is_empty() && picture.is_none() {
-                    answer.note = "it wrote neither transmittances nor a picture".into();
-                }
-                Ok((answer, errors))
-            }
-            (Err(e), _) | (_, Err(e)) => {
-                answer.note = e.to_string();
-                Ok((Answer { point_err_rms: None, ..answer }, Errors::new()))
-            }
+        if let Err(e) = ran {
+            return Ok((Answer { note: e.to_string(), ..answer }, Errors::new()));
         }
+        let (errors, picture) = (files.read_transmittances(cell), files.picture_error(cell));
+        let failures = [errors.as_ref().err(), picture.as_ref().err()].into_iter().flatten();
+        let note = failures.map(Error::to_string).collect::<Vec<_>>().join("; ");
+        let (errors, picture) = (errors.unwrap_or_default(), picture.unwrap_or_default());
+        answer.set_errors(&errors)?;
+        answer.image_rmse = picture;
+        if !note.is_empty() {
+            answer.note = note;
+        } else if errors.is_empty() && picture.is_none() {
+            answer.note = "it wrote neither transmittances nor a picture".into();
+        }
+        Ok((answer, errors))
     }
 
     fn run(&self, files: &Files) -> Result<()> {

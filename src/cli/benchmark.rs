@@ -59,7 +59,7 @@ pub struct BenchmarkArgs {
     #[arg(long)]
     pub list: bool,
     /// Print the hashes of the exact transmittances of the selected cells and end
-    #[arg(long, conflicts_with_all = ["list", "output"])]
+    #[arg(long, conflicts_with_all = ["list", "output", "methods", "budget", "settings", "external"])]
     pub hashes: bool,
     /// Write volumes, scene files, visible points and exact transmittances of the selected cells to DIR and end
     #[arg(long, value_name = "DIR", conflicts_with_all = ["list", "output", "hashes", "methods", "budget", "settings", "external"])]
@@ -73,8 +73,10 @@ pub struct BenchmarkArgs {
 pub fn run(args: &BenchmarkArgs) -> Result<()> {
     let definition = Definition::frozen()?;
     let cells = definition.cells_like(&args.cells)?;
+    let own: Vec<Cell> =
+        cells.iter().filter(|cell| is_of_shard(cell, args.shard, &definition)).cloned().collect();
     if args.list {
-        return print_result(&cells.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
+        return print_result(&own.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
     }
     let methods = methods(&args.methods)?;
     let budgets = budgets(&args.budget)?;
@@ -89,8 +91,6 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
         check_output_dir(folder)?;
     }
     let settings = args.settings.as_deref().map(|path| earlier(path, &definition)).transpose()?;
-    let own: Vec<Cell> =
-        cells.iter().filter(|cell| is_of_shard(cell, args.shard, &definition)).cloned().collect();
     let run = Run {
         definition: &definition,
         cells: &own,
@@ -104,8 +104,10 @@ pub fn run(args: &BenchmarkArgs) -> Result<()> {
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
     let bar = StepDisplay::new()?;
     let interrupt = Interrupt::between_steps("results of finished cells remain");
+    let mut done = 0;
     let mut watch = |step: &str| {
-        let done = own.iter().position(|cell| step.starts_with(&cell.name)).unwrap_or(0);
+        // Searches may begin with a cell of another shard.
+        done = own.iter().position(|cell| step.starts_with(&cell.name)).unwrap_or(done);
         let is_new_cell = own.get(done).is_some_and(|cell| cell.name == step);
         let kind = if is_new_cell { StepKind::Case } else { StepKind::Trial };
         let running = Step::new(kind, "");

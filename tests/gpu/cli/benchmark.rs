@@ -239,6 +239,8 @@ fn a_program_that_fails_is_noted_and_the_others_go_on() {
         r#"short=echo 1 > "$UMBRAVOX_TRANSMITTANCES""#,
         "--external",
         "silent=true",
+        "--external",
+        r#"painter=sed s/.*/1/ "$UMBRAVOX_POINTS" > "$UMBRAVOX_TRANSMITTANCES"; echo no > "$UMBRAVOX_PICTURE""#,
     ];
     succeed(dir.path(), &arguments);
     let table = rows(&fs::read_to_string(dir.path().join("out/benchmark.csv")).unwrap());
@@ -246,5 +248,10 @@ fn a_program_that_fails_is_noted_and_the_others_go_on() {
     assert!(notes["broken"].contains("no memory") && notes["broken"].contains('3'), "{notes:?}");
     assert!(notes["short"].contains("1 lines for 20000 points"), "{notes:?}");
     assert!(notes["silent"].contains("neither"), "{notes:?}");
-    assert!(table.iter().all(|row| row["point_err_rms"].is_empty()), "rays store nothing: {table:?}");
+    assert!(notes["painter"].contains("picture.exr"), "{notes:?}");
+    for row in &table {
+        // `rays` store nothing.
+        assert_eq!(row["point_err_rms"].is_empty(), row["method"] != "painter", "{row:?}");
+        assert!(row["image_rmse"].is_empty(), "{row:?}");
+    }
 }
