@@ -83,7 +83,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "",
     published: None,
-    style: Style { color: [170, 68, 153], marker: Marker::Plus },
+    style: Style { color: [204, 102, 119], marker: Marker::Plus },
 };
 
 impl HalfAngle {
