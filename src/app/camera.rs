@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_under_the_cursor_stays_there() {
+    fn zoom_keeps_the_point_under_the_cursor() {
         let before = camera();
         let place = |c: &Camera, [x, y]: [f64; 2]| {
             let frame = c.frame();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_are_those_of_ras() {
+    fn orientation_letters_follow_ras() {
         assert_eq!((anatomical_marks(DVec3::X), anatomical_marks(DVec3::NEG_X)), ("R".into(), "L".into()));
         assert_eq!(anatomical_marks(DVec3::new(0.1, -1.0, 0.6)), "PS");
         let mut front = camera();

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn all_is_replaced_or_removed() {
+    fn gradient_opacity_is_replaced_or_removed() {
         let boundaries = apply(None, GradientEdit::Boundaries { top: 8.0 }).unwrap();
         assert_eq!(texts(&boundaries), "0:0,2:1");
         assert_eq!(apply(boundaries.as_ref(), GradientEdit::Clear).unwrap(), None);

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_no_negative_number() {
+    fn zero_has_no_sign() {
         let shown = [-0.0, -1e-9, -0.004, -0.006, 1.5, -12.0].map(|x| number(x, 0..=2));
         assert_eq!(shown, ["0", "0", "0.00", "-0.01", "1.5", "-12"]);
     }

@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn slots_do_not_overlap_and_entries_name_them() {
+    fn slots_are_disjoint_and_have_entries() {
         let slots = SlotGrid::of(30, 200).unwrap();
         assert_eq!((slots.len(), slots.texels()), (30, [99, 66, 165]));
         let mut firsts: Vec<_> = (0..slots.len()).map(|slot| slots.first_texel(slot)).collect();

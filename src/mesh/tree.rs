@@ -235,7 +235,7 @@ mod tests {
 
     /// Every ray from inside a closed mesh hits it, also through corners and along edges.
     #[test]
-    fn no_ray_slips_through() {
+    fn rays_hit_a_closed_mesh_at_edges_and_corners() {
         let mesh = mesh(sphere(DVec3::ZERO, 5.0, 12));
         let corners = mesh.triangles().iter().flatten().copied();
         let middles = mesh.triangles().iter().map(|[a, b, _]| 0.5 * (*a + *b));

@@ -148,7 +148,7 @@ mod tests {
     use crate::gpu::assert_layout;
 
     #[test]
-    fn sections_have_one_layout() {
+    fn section_layout_is_that_of_the_shader() {
         let shader = crate::shadow::parse("halfangle").unwrap().passes().remove(0);
         assert_layout!(&shader, "Section", SectionPlanes: plane, start, end, is_first, is_last);
     }

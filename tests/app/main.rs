@@ -1,7 +1,6 @@
 //! Tests of the window on the real renderer without a native window: input is injected as events.
 #![cfg(feature = "gui")]
 
-mod asking;
 #[path = "../common/mod.rs"]
 mod common;
 mod comparison;
@@ -17,6 +16,7 @@ mod opening;
 mod panels;
 mod pointer;
 mod presets;
+mod prompts;
 mod resizes;
 mod streaming;
 

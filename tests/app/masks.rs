@@ -4,7 +4,6 @@ use super::Bench;
 use eframe::egui::epaint::Shape;
 use eframe::egui::{Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
-use glam::DVec3;
 use ndarray::Array3;
 use std::path::Path;
 use umbravox::files::loading::Loading;
@@ -33,7 +32,7 @@ fn a_clip_plane_is_added_dragged_and_undone() {
     // The plane goes through the centre of the volume.
     let (view, camera) = (bench.app().model.view.unwrap(), document.scene.camera);
     let frame = camera.frame();
-    let d = document.volume.corners_mm().iter().sum::<DVec3>() / 8.0 - camera.eye;
+    let d = document.volume.center_mm() - camera.eye;
     let half =
         0.5 * f64::from(view.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / d.dot(frame.forward);
     let handle = view.center() + vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);

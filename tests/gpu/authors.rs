@@ -1,6 +1,6 @@
 //! Figures that the authors' own code gives, beside those of this program.
 
-use super::rivals::{ABOVE, DEEP, even, slabs};
+use super::map_methods::{ABOVE, DEEP, even, slabs};
 use super::*;
 
 /// Transmittance behind three slabs at shares 0.1 to 0.9 of the depth, by the published shader functions of Münstermann et al.

@@ -98,7 +98,7 @@ fn forcing_scans() {
 }
 
 #[test]
-fn everything_at_once() {
+fn disabling_all_optimizations_changes_no_picture() {
     let volume = phantom("thorax:80");
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(lean) = Setup::open(&volume, &ramp) else { return };

@@ -66,7 +66,7 @@ fn skipping_scans() {
 }
 
 #[test]
-fn twice_is_the_same() {
+fn rendering_is_deterministic() {
     let [_, jumps, peaks] = transfer_functions([-900.0, 1200.0]);
     for tf in [jumps, peaks] {
         let Some(setup) = Setup::open(&phantom("thorax:64"), &tf) else { return };

@@ -14,12 +14,12 @@ mod cli;
 mod clip;
 #[path = "../common/mod.rs"]
 mod common;
+mod comparability;
 mod compare;
 mod degenerate;
 mod enclosure;
 mod estimators;
 mod exact_pictures;
-mod fair;
 mod filters;
 mod forced;
 mod golden;
@@ -28,33 +28,32 @@ mod halfangle;
 mod invariance;
 mod joint;
 mod kajiya_kay;
-mod kept;
 mod labels;
 mod layers;
 mod light_volume;
 mod lights;
 mod lines;
-mod links;
+mod map_methods;
 mod mean_error;
 mod mesh;
+mod minimal_polyline;
 mod near;
 mod nodes;
 mod occlusion;
 mod page;
 mod pages;
-mod parts;
 mod points;
 mod pool;
 #[path = "../common/program.rs"]
 mod program;
-mod rivals;
 mod samples;
 mod sat;
 #[path = "../common/attack/mod.rs"]
 mod scenes;
 mod shading;
-mod shares;
+mod shadow_cache;
 mod soft_lights;
+mod split_builds;
 mod strands;
 mod tolerance;
 mod tubes;
@@ -62,6 +61,7 @@ mod tuning;
 mod tunnel;
 mod view;
 mod wavelet;
+mod work_shares;
 
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
@@ -210,9 +210,7 @@ fn transfer_functions([low, high]: [f64; 2]) -> [TransferFunction; 3] {
 
 /// Lights: directional; point outside; point just outside (perspective or octahedral); point inside.
 fn lights(volume: &Volume) -> [(&'static str, Light); 4] {
-    let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+    let (center, radius) = volume.bounding_sphere_mm();
     let toward = DVec3::new(0.4, -0.5, 0.75);
     let point = |distance: f64| Light::Point { position: center + toward.normalize() * distance * radius };
     [

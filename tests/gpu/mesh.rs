@@ -40,8 +40,7 @@ const BLUE: [f64; 3] = [0.1, 0.3, 0.9];
 /// Ball within the volume, and a floor below it that is wider than the volume.
 fn ball_and_floor(volume: &Volume) -> Option<Arc<Mesh>> {
     let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+    let (center, radius) = volume.bounding_sphere_mm();
     let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);
     let ball = sphere(center + 0.1 * radius * DVec3::new(1.0, 0.7, 0.4), 0.22 * radius, 20);
     let at = DVec3::new(center.x, center.y, low - 0.1 * radius);
@@ -196,7 +195,7 @@ fn nothing_that_is_left_out_shows() {
     }
     // Views from within the ball, and with the floor behind the eye as well as before it.
     let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let center = volume.center_mm();
     let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);
     for (eye, fov_deg) in
         [(center + DVec3::new(3.0, 2.0, 1.0), 120.0), (DVec3::new(center.x, center.y, low + 1.0), 140.0)]

@@ -45,7 +45,7 @@ fn nodes_lie_where_the_matter_is() {
     };
     let map = setup.shadow("dsm:map=64", lights(setup.volume())[0].1);
     let found = nodes_of(&setup, &map).unwrap();
-    let center = setup.volume().corners_mm().iter().sum::<DVec3>() / 8.0;
+    let center = setup.volume().center_mm();
     let (texel, _) = map.light_space.light_point(center);
     let at = |x: f64, y: f64| found.nodes[[y.round() as usize, x.round() as usize]];
     assert!(at(texel.x, texel.y) >= 2, "the sphere's middle");

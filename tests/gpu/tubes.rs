@@ -137,7 +137,7 @@ fn a_bent_strand_in_a_chest_is_drawn_as_the_exact_picture_has_it() {
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
     let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let center = volume.center_mm();
     let size = corners[7] - corners[0];
     let curve = |i: i32| {
         let t = f64::from(i) / 30.0;

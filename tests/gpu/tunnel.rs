@@ -1,6 +1,6 @@
 //! `compress=optimal` of `dsm`: the error bound holds, and the number of curve nodes is minimal.
 
-use super::links::{Point, fewest};
+use super::minimal_polyline::{Point, fewest};
 use super::*;
 use glam::DVec2;
 

@@ -1,6 +1,6 @@
 //! `wavelet` on slabs, whose curves are known, and against planes with the same curves.
 
-use super::rivals::{ABOVE, DEEP, even, on_light_rays, slabs};
+use super::map_methods::{ABOVE, DEEP, even, on_light_rays, slabs};
 use super::*;
 
 /// Extinction of the slabs, 1/mm.

@@ -20,9 +20,7 @@ fn shape(texels: u32) -> MapShape {
 }
 
 fn lights(volume: &Volume) -> [(Projection, Light); 5] {
-    let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let radius = corners[0].distance(center);
+    let (center, radius) = volume.bounding_sphere_mm();
     let at =
         |distance: f64| Light::Point { position: center + DVec3::new(0.6, -0.64, 0.48) * distance * radius };
     [

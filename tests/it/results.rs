@@ -10,6 +10,9 @@
 //!   contain its value in the second,
 //! - `<!-- winners FILE as SCENES; ... -->` names the methods that win most cells of benchmarks.
 //!
+//! The file `FOLDER/ranking.csv-METHOD` stands for the ranking of the other methods. Its `not_separated` is empty, since
+//! cells have comparisons with the best of all methods alone.
+//!
 //! A column is that of the CSV file, with `/` and a divisor (number or column) if need be. Further columns are `folder`
 //! (of the file), `label` (method with its settings) and `setting` (with its map too). Labels or settings behind `|`
 //! select rows.
@@ -19,6 +22,7 @@ use itertools::Itertools as _;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
 use umbravox::benchmark::answer::CellResult;
 use umbravox::benchmark::definition::Definition;
 use umbravox::benchmark::folder::Folder;
@@ -30,6 +34,10 @@ type Row = BTreeMap<String, String>;
 
 /// Rows of a CSV file, with the additional columns `folder`, `label` and `setting`.
 fn rows(path: &Path) -> Vec<Row> {
+    let name = path.file_name().unwrap().to_string_lossy();
+    if let Some(method) = name.strip_prefix("ranking.csv-") {
+        return ranking_without(method, path.parent().unwrap());
+    }
     let mut reader =
         csv::Reader::from_path(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let folder = path.parent().and_then(Path::file_name).unwrap().to_string_lossy().into_owned();
@@ -51,6 +59,17 @@ fn rows(path: &Path) -> Vec<Row> {
         row
     });
     rows.collect()
+}
+
+/// Rows of the ranking of an archived benchmark without one of its methods.
+fn ranking_without(method: &str, folder: &Path) -> Vec<Row> {
+    let mut results = archived_results(folder);
+    results.iter_mut().for_each(|cell| cell.answers.retain(|answer| answer.method != method));
+    let made = tempfile::tempdir().unwrap();
+    benchmark_pages::write(&results, "", made.path()).unwrap();
+    let mut rows = rows(&made.path().join("ranking.csv"));
+    rows.iter_mut().for_each(|row| _ = row.insert("not_separated".into(), String::new()));
+    rows
 }
 
 /// Rows with one of the labels or settings, in the order of the labels; all rows for an empty list.
@@ -227,12 +246,14 @@ fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
     let by_rank: Vec<&Row> = of_least("mean_rank", 1.0).collect();
     let limit = number(by_rank[0], "mean_rank") + number(by_rank[0], "critical_difference");
     let same = by_rank.iter().filter(|row| number(row, "mean_rank") < limit).map(method);
-    let separated = number(first, "not_separated") / number(first, "cells");
+    let not_separated = value(first, "not_separated").parse::<f64>();
+    let not_separated =
+        not_separated.map_or(String::new(), |count| format!("{} %", percent(count / number(first, "cells"))));
     vec![
         format!("{name} ({})", value(first, "cells")),
         amount(value(first, "budget")),
         format!("{} {} % ({} to {} %)", method(&first), percent(share(0)), percent(low), percent(high)),
-        format!("{} %", percent(separated)),
+        not_separated,
         next.collect::<Vec<_>>().join(", "),
         same.collect::<Vec<_>>().join(", "),
     ]
@@ -272,6 +293,7 @@ fn renewed(path: &Path, page: &str) -> String {
 
 #[test]
 fn tables_of_the_pages_are_those_of_the_archived_results() {
+    LazyLock::force(&RANKINGS);
     let mut count = 0;
     for (path, page) in pages() {
         let made = renewed(&path, &page);
@@ -306,13 +328,20 @@ fn is_same(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.iter().zip(&b).all(is_close)
 }
 
-/// Compares archived rankings with those that the program makes of the archived cells. With `UMBRAVOX_REWRITE` it writes
-/// them and their plots again. It must run before the test of the pages then, whose tables are made from its files.
+/// Runs [`check_rankings`] once, before the tables of the pages, which are made from its files.
+static RANKINGS: LazyLock<()> = LazyLock::new(check_rankings);
+
 #[test]
 fn archived_rankings_are_those_of_their_cells() {
+    LazyLock::force(&RANKINGS);
+}
+
+/// Compares archived rankings with those that the program makes of the archived cells. With `UMBRAVOX_REWRITE` it writes
+/// them and their plots again.
+fn check_rankings() {
     let is_rewritten = std::env::var_os("UMBRAVOX_REWRITE").is_some();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/benchmark");
-    for folder in ["all", "front", "sky", "sun", "time", "vtk"].map(|name| root.join(name)) {
+    for folder in ["all", "sky", "sun", "time", "vtk"].map(|name| root.join(name)) {
         let page = fs::read_to_string(folder.join("benchmark.md")).unwrap();
         let made_by = page.split("\n\n").nth(1).expect("a paragraph on the run");
         let made = tempfile::tempdir().unwrap();

@@ -336,7 +336,7 @@ mod tests {
 
     /// Tests that every name in the formula of a paper's claim is a variable or a measured quantity.
     #[test]
-    fn formulas_speak_of_what_there_is() {
+    fn formula_names_are_known() {
         for claim in all().unwrap() {
             let variables: Vec<&str> = claim.variables.iter().map(|(name, _)| name.as_str()).collect();
             let notes = claim.notes.iter().filter_map(|note| match note {

@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_value_says_why() {
+    fn missing_figures_have_a_reason() {
         let mut figures = Figures { name: "osm layers=8".into(), ..Figures::default() };
         let e = figures.number("point_err_rms", None).unwrap_err();
         assert_eq!(e, "no point_err_rms (osm layers=8): it has none");

@@ -126,7 +126,7 @@ mod tests {
 
     /// Interpolated colours agree with those of VTK 9.7's `vtkColorTransferFunction`.
     #[test]
-    fn mixtures_are_those_of_vtk() {
+    fn interpolation_is_that_of_vtk() {
         let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);
         let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
         type Mixed = fn(&Srgb, &Srgb, f64) -> Srgb;

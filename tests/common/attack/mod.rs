@@ -248,9 +248,7 @@ impl Attack {
         if rng.f64() < 0.6 {
             return Light::Directional { toward: d };
         }
-        let corners = self.volume().corners_mm();
-        let center = corners.iter().sum::<DVec3>() / 8.0;
-        let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+        let (center, radius) = self.volume().bounding_sphere_mm();
         Light::Point { position: center + d.normalize() * radius * log_uniform(rng, 0.01, 1000.0) }
     }
 

@@ -6,13 +6,14 @@ use crate::program::interrupted;
 use crate::program::{refused, succeed};
 use std::collections::HashMap;
 use std::fs;
+use std::path::Path;
 use umbravox::replication::claims::all;
 
 const SCENE: &str =
     "volume = \"phantom:sphere:16\"\ntf = \"engine\"\nsize = \"32x32\"\nstep = 1\nlight = \"dir:1,-0.6,0\"\n";
 
 #[test]
-fn a_papers_claims_on_a_scene_of_ones_own() {
+fn claims_of_one_paper_on_a_given_scene() {
     if !common::has_adapter() {
         return;
     }
@@ -56,11 +57,26 @@ fn an_interrupt_keeps_the_rows_of_finished_scenes() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
-    let args = ["claims", "--paper", "neumann", "--scene", "ball.toml", "--repeats", "50", "-o", "out"];
-    let said = interrupted(dir.path(), &args, |said| said.contains("progress: "));
-    assert!(said.contains("claims are tested on 0 of 1 scenes") && said.contains("not on ball"), "{said}");
-    assert!(fs::read_to_string(dir.path().join("out/claims.csv")).unwrap().starts_with("paper,"));
+    write_two_scenes(dir.path());
+    let scenes = ["--scene", "ball.toml", "--scene", "step.toml", "--repeats", "1", "-o", "out"];
+    // A scene has two exact pictures; the third is the first of the second scene.
+    let args = [&["claims", "--paper", "neumann"], &scenes[..]].concat();
+    let said = interrupted(dir.path(), &args, |said| said.matches("exact picture").count() > 2);
+    assert!(said.contains("claims are tested on 1 of 2 scenes") && said.contains("not on step"), "{said}");
+    let rows = fs::read_to_string(dir.path().join("out/claims.csv")).unwrap();
+    assert!(rows.contains(",ball") && !rows.contains(",step"), "{rows}");
+}
+
+/// Writes scene files `ball.toml` and `step.toml` into a folder.
+fn write_two_scenes(folder: &Path) {
+    fs::write(folder.join("ball.toml"), SCENE).unwrap();
+    fs::write(folder.join("step.toml"), SCENE.replace("sphere", "step")).unwrap();
+}
+
+/// Returns the number of steps of a run that printed its progress; `None` if it had none.
+fn steps_in_total(messages: &str) -> Option<&str> {
+    let (_, rest) = messages.split_once("progress: 0/")?;
+    rest.split_whitespace().next()
 }
 
 #[test]
@@ -69,22 +85,23 @@ fn finished_scenes_are_not_measured_again() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
-    fs::write(dir.path().join("step.toml"), SCENE.replace("sphere", "step")).unwrap();
+    write_two_scenes(dir.path());
     let ball = ["claims", "--paper", "neumann", "--repeats", "1", "-o", "out", "--scene", "ball.toml"];
-    succeed(dir.path(), &ball);
+    let alone = succeed(dir.path(), &ball).stderr;
     let read = |file: &str| fs::read_to_string(dir.path().join("out").join(file)).unwrap();
     let first = read("claims.csv");
     // A second scene is added to the finished one.
     let both = [&ball[..], &["--scene", "step.toml", "--resume"]].concat();
     let said = succeed(dir.path(), &both).stderr;
     assert!(said.contains(" rows"), "{said}");
-    assert!(!said.contains("on ball") && !said.contains("ball:"), "it is not measured again: {said}");
+    assert!(steps_in_total(&alone).is_some());
+    assert_eq!(steps_in_total(&said), steps_in_total(&alone), "only the second scene is measured: {said}");
     let rows = read("claims.csv");
     assert!(first.lines().all(|line| rows.lines().any(|row| row == line)), "{rows}");
     assert!(rows.lines().count() > first.lines().count() && rows.contains(",step"), "{rows}");
-    succeed(dir.path(), &both);
-    assert_eq!(read("claims.csv"), rows, "nothing is left to measure");
+    let said = succeed(dir.path(), &both).stderr;
+    assert_eq!(steps_in_total(&said), None, "nothing is left to measure: {said}");
+    assert_eq!(read("claims.csv"), rows);
     // Other scenes and settings are not mixed in.
     let refusal = |args: &[&str]| refused(dir.path(), &[args, &["--resume"]].concat());
     assert!(refusal(&ball).contains("is among its rows and not requested"));

@@ -34,7 +34,7 @@ fn uniform_matter_gives_the_exponential_under_both_lights() {
     let volume = load(&VolumeSpec::new("phantom:slab:16")).unwrap();
     let tf = TransferFunction::from_json(UNIFORM).unwrap();
     let field = ExactField::new(&volume, &tf);
-    let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+    let center = volume.center_mm();
     let far = center + DVec3::new(20.0, 30.0, 500.0);
     let lights = [
         Light::Directional { toward: DVec3::new(0.3, -0.2, 0.8) },
@@ -65,7 +65,7 @@ fn a_slab_gives_its_closed_form() {
         r#"{"name": "s", "points": [{"value": 0, "extinction": 0}, {"value": 1000, "extinction": 0.08}]}"#;
     let tf = TransferFunction::from_json(json).unwrap();
     let field = ExactField::new(&volume, &tf);
-    let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+    let center = volume.center_mm();
     let h = volume.min_spacing_mm();
     let light = Light::Directional { toward: DVec3::Z };
     let curve = LightCurve::through(&field, &light, center).unwrap();
@@ -210,7 +210,7 @@ fn on_a_scan_the_curve_agrees_with_single_points() {
         );
         let tf = TransferFunction::from_json(&json).unwrap();
         let field = ExactField::new(&volume, &tf);
-        let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+        let center = volume.center_mm();
         let light = Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) };
         let curve = LightCurve::through(&field, &light, center).unwrap();
         assert!(curve.exact.last().unwrap() < &0.9, "{name}: the ray meets something");

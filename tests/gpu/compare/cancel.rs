@@ -195,7 +195,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
 }
 
 #[test]
-fn one_that_is_not_to_begin_measures_nothing() {
+fn cancelled_before_start_measures_nothing() {
     if !common::has_adapter() {
         return;
     }

@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_is_on_top_and_the_selected_one_before_others() {
+    fn nearest_or_selected_point_is_on_top() {
         let places = [pos2(0.0, 0.0), pos2(4.0, 0.0), pos2(4.0, 0.0), pos2(50.0, 0.0)];
         let top = |pointer, selected| *point_order(&places, pointer, selected).last().unwrap();
         assert_eq!(point_order(&places, None, None), [0, 1, 2, 3]);

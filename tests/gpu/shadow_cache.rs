@@ -128,7 +128,7 @@ fn same_as_from_nothing(state: &State, shown: &Array3<f32>, what: &str) {
 }
 
 #[test]
-fn every_row_of_the_table() {
+fn each_edit_runs_its_stages() {
     let start = State::first();
     for (edit, stages) in NECESSARY {
         let Some(mut session) = Session::open(&start.volume) else { return };
@@ -143,7 +143,7 @@ fn every_row_of_the_table() {
 }
 
 #[test]
-fn nothing_changes_nothing() {
+fn unchanged_scene_runs_no_stage() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     let (_, first) = session.show(&state);

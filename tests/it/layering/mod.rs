@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Every top-level module, the highest first: name, purpose, and the modules that it may import if these are fewer
 /// than all lower ones.
-const ROOMS: [(&str, &str, Option<&[&str]>); 24] = [
+const LAYERS: [(&str, &str, Option<&[&str]>); 24] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
     ("benchmark", "The frozen benchmark: cells, searches, rankings.", None),
@@ -38,13 +38,13 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 24] = [
 ];
 
 /// Top-level modules at the same height: neither imports the other.
-const FRONT_DOORS: [&str; 2] = ["app", "cli"];
+const INTERFACES: [&str; 2] = ["app", "cli"];
 
 /// Known imports of a higher or equal layer, as a file and the module it imports. This list may only become shorter.
 const KNOWN_IMPORTS: &[(&str, &str)] = &[];
 
 /// Folders of shaders, the lowest layer first.
-const SHADER_ROOMS: [&str; 3] = ["field", "shadow", "render"];
+const SHADER_LAYERS: [&str; 3] = ["field", "shadow", "render"];
 
 /// Shader modules that a lower shader imports and every method above it defines (interfaces that are composed in).
 const SHADER_CONTRACTS: &[&str] = &["umbravox::sink"];
@@ -78,13 +78,13 @@ fn imports_go_down() {
     let found = this_crate().upward();
     let new: Vec<_> = found.iter().filter(|(f, r, _)| !known.contains(&(f.clone(), r.clone()))).collect();
     assert!(new.is_empty(), "these go up or sideways:\n{new:#?}");
-    let left: BTreeSet<_> = found.into_iter().map(|(file, room, _)| (file, room)).collect();
+    let left: BTreeSet<_> = found.into_iter().map(|(file, layer, _)| (file, layer)).collect();
     let gone: Vec<_> = known.difference(&left).collect();
     assert!(gone.is_empty(), "these exceptions are no longer needed: {gone:#?}");
 }
 
 #[test]
-fn files_of_a_room_do_not_import_each_other_in_a_circle() {
+fn files_of_a_module_do_not_import_each_other_in_a_cycle() {
     let found = this_crate().circles();
     assert!(found.is_empty(), "these are in circles:\n{found:#?}");
 }
@@ -98,13 +98,13 @@ fn shaders_import_down() {
 /// Every `#import` of a shader from a higher layer.
 fn upward_shaders(files: &[(String, String)]) -> Vec<String> {
     let rank = |path: &str| {
-        let room = match path.split_once('/') {
+        let layer = match path.split_once('/') {
             Some(("common", _)) => "field",
-            Some((room, _)) => room,
+            Some((layer, _)) => layer,
             None => "render",
         };
-        let room = SHADER_ROOMS.iter().position(|r| *r == room);
-        room.unwrap_or_else(|| panic!("shaders/{path} is in no room of shaders"))
+        let layer = SHADER_LAYERS.iter().position(|r| *r == layer);
+        layer.unwrap_or_else(|| panic!("shaders/{path} is in no layer of shaders"))
     };
     let after = |line: &str, word: &str| line.trim().strip_prefix(word).map(|rest| rest.trim().to_owned());
     let defined: Vec<(String, usize)> = files
@@ -116,7 +116,7 @@ fn upward_shaders(files: &[(String, String)]) -> Vec<String> {
     for (path, text) in files {
         for import in text.lines().filter_map(|line| after(line, "#import")) {
             let names = |name: &str| import.strip_prefix(name).is_some_and(|rest| rest.starts_with("::"));
-            let up = defined.iter().filter(|(name, _)| names(name)).all(|(_, room)| *room > rank(path))
+            let up = defined.iter().filter(|(name, _)| names(name)).all(|(_, layer)| *layer > rank(path))
                 && defined.iter().any(|(name, _)| names(name));
             if up && !SHADER_CONTRACTS.iter().any(|contract| names(contract)) {
                 found.push(format!("{path}: {import}"));
@@ -151,7 +151,7 @@ fn planted_violations_are_found() {
         ("exact.rs", "use crate::strands::Strands; use crate::scene::Light;"),
         ("gpu.rs", "use crate::nothing::Of;"),
     ]));
-    let upward: BTreeSet<_> = planted.upward().into_iter().map(|(file, room, _)| (file, room)).collect();
+    let upward: BTreeSet<_> = planted.upward().into_iter().map(|(file, layer, _)| (file, layer)).collect();
     let expected = [
         ("cli.rs", "app"),
         ("exact.rs", "strands"),
@@ -159,7 +159,7 @@ fn planted_violations_are_found() {
         ("volume/load.rs", "transfer"),
         ("volume/raw.rs", "cli"),
     ];
-    assert_eq!(upward, expected.map(|(file, room)| (file.to_owned(), room.to_owned())).into());
+    assert_eq!(upward, expected.map(|(file, layer)| (file.to_owned(), layer.to_owned())).into());
     let circles: Vec<_> = planted.circles().into_keys().collect();
     assert_eq!(
         circles,

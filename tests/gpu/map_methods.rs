@@ -406,7 +406,7 @@ fn filters_cross_the_edges_of_tiles() {
 /// Properties of all these maps: transmittance 1 in front of matter, the full depth behind it, and smaller errors
 /// with more numbers.
 #[test]
-fn more_numbers_say_more() {
+fn error_falls_with_stored_numbers() {
     let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);
     let Some(setup) = Setup::open(&phantom("thorax:64"), &thorax) else { return };
     let exact = setup.exact();

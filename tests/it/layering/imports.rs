@@ -1,6 +1,6 @@
 //! Imports of a crate's source files, read from their tokens: `use` trees, and paths in code and macros.
 
-use super::{FRONT_DOORS, ROOMS};
+use super::{INTERFACES, LAYERS};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -67,7 +67,7 @@ impl Crate {
     }
 
     /// Top-level module of a path, resolved through re-exports at the crate's root.
-    fn room_of(&self, path: &[String]) -> Option<String> {
+    fn layer_of(&self, path: &[String]) -> Option<String> {
         let first = path.first()?;
         let root = &self.0[&Module::new()];
         root.aliases.get(first).map_or_else(|| Some(first.clone()), |alias| alias.first().cloned())
@@ -75,19 +75,20 @@ impl Crate {
 
     /// Every import from a higher or equal layer: the file, the imported top-level module and the path.
     pub fn upward(&self) -> Vec<(String, String, String)> {
-        let rank = |room: &str| ROOMS.iter().position(|r| r.0 == room);
+        let rank = |layer: &str| LAYERS.iter().position(|r| r.0 == layer);
         let mut found = Vec::new();
         for (module, source) in self.0.iter().filter(|(module, _)| !module.is_empty()) {
             let own = &module[0];
-            let (_, _, only) = ROOMS.iter().find(|r| r.0 == own).unwrap_or_else(|| {
-                panic!("src/{own} is no room: the top of src holds lib.rs, main.rs and rooms only")
-            });
+            let (_, _, only) = LAYERS
+                .iter()
+                .find(|r| r.0 == own)
+                .unwrap_or_else(|| panic!("src/{own} has no layer: LAYERS lists the top-level modules"));
             for path in &source.paths {
-                let Some(room) = self.room_of(path).filter(|room| room != own) else { continue };
-                let sideways = FRONT_DOORS.contains(&own.as_str()) && FRONT_DOORS.contains(&room.as_str());
-                let down = rank(&room).is_some_and(|r| Some(r) > rank(own)) && !sideways;
-                if !down || only.is_some_and(|only| !only.contains(&room.as_str())) {
-                    found.push((self.name_of(module), room, path.join("::")));
+                let Some(layer) = self.layer_of(path).filter(|layer| layer != own) else { continue };
+                let sideways = INTERFACES.contains(&own.as_str()) && INTERFACES.contains(&layer.as_str());
+                let down = rank(&layer).is_some_and(|r| Some(r) > rank(own)) && !sideways;
+                if !down || only.is_some_and(|only| !only.contains(&layer.as_str())) {
+                    found.push((self.name_of(module), layer, path.join("::")));
                 }
             }
         }
