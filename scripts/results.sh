@@ -36,13 +36,17 @@ archive() {
     name=$(basename "$folder")
     echo "$folder"
     (cd "$work" && umbravox "$@" -o "$name" >"$name.log" 2>&1) || { cat "$work/$name.log" >&2; exit 1; }
-    rm -rf "docs/results/$folder" && mkdir -p "docs/results/$folder"
-    for file in run.json compare.csv scene.toml transfer_function.json benchmark.{csv,md} ranking.csv cells {claims,stability}.{csv,md}; do
-        [[ ! -e $work/$name/$file ]] || cp -r "$work/$name/$file" "docs/results/$folder/"
-    done
-    for file in "ranks_*.png" "*_scene.toml" "*_transfer_function.json"; do
-        find "$work/$name" -maxdepth 1 -name "$file" -exec cp {} "docs/results/$folder" ";"
-    done
+    # The archive is replaced as a whole, once all of its files are copied.
+    mkdir "$work/archived"
+    (
+        shopt -s nullglob
+        cd "$work/$name"
+        for file in {run.json,compare.csv,{,*_}scene.toml,{,*_}transfer_function.json,{benchmark,claims,stability}.{csv,md},ranking.csv,ranks_*.png,cells}; do
+            [[ ! -e $file ]] || cp -r "$file" "$work/archived/"
+        done
+    )
+    rm -rf "docs/results/$folder" && mkdir -p "docs/results/$(dirname "$folder")"
+    mv "$work/archived" "docs/results/$folder"
     rm -rf "${work:?}/$name"
 }
 
@@ -88,6 +92,19 @@ soft="rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;dom:map=256,layers=15;
 sun=(--light "sun:0.5,-0.5,0.7071,angle=15" --size 96x96 --step 1 --points 1000 --rays 1 --depths 5 --repeats 1)
 archive soft-light/thorax-sun compare phantom:thorax:64 --tf ct "${sun[@]}" --methods "$soft"
 archive soft-light/engine-sun compare engine.nii.gz --tf ct "${sun[@]}" --methods "$soft"
+# The scenes of pictures.png.
+scenes=()
+for light in sky sun:0.5,-0.5,0.7071,angle=5 disc:0,-150,200,radius=60; do
+    while read -r volume file function; do
+        scene=$volume-${light%%:*}
+        printf 'volume = "%s"\ntf = "%s"\nlight = "%s"\n' "$file" "$function" "$light" >"$work/$scene.toml"
+        scenes+=(--scene "$scene.toml")
+    done <<'END'
+chest phantom:thorax:96 ct
+engine engine.nii.gz engine.json
+END
+done
+archive soft-light/pictures compare "${scenes[@]}" --ambient 0 --size 64x64 --points 1000 --rays 1 --depths 5 --repeats 1 --methods "rays;dsm:epsilon=0.02;sat:scale=1,boxes=16"
 
 random="rays;rays:march=samples,step=0.5,1,2,4;rays:estimator=ratio,residual,samples=1,4,16;rays:estimator=jackknife,samples=8,32,128;rays:estimator=unbiased,samples=4,16,64"
 archive random-rays/cloud compare phantom:cloud:128 --tf cloud.json "${light[@]}" --size 128x128 --step 1 --points 4000 --rays 50 --methods "$random"
@@ -161,12 +178,10 @@ for step in 1 0.5; do
     archive "benchmark/eye-rays-step-$step" compare "${scenes[@]}" --step "$step" --methods rays --repeats 1 --rays 50 --points 1000
 done
 archive benchmark/vtk benchmark --data . --cells "$(IFS=,; echo "${vtk_cells[*]}")" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
-ranked=rays,dsm,osm,dom,bom,clusters,fourier,wavelet,avsm,moments,beer,lightvolume,sat
-archive benchmark/front benchmark --data . --cells "*-front-front,*-side-front,*-back-front,*-lamp-front" --methods rays,dsm,osm,dom,bom,clusters,fourier,avsm,moments,lightvolume
-# Settings that the searches of an earlier revision found are measured again; without --settings all are searched.
-archive benchmark/all benchmark --data . --cells "*-front-*,*-side-*,*-back-*,*-lamp-*" --methods "$ranked" --settings "$root/docs/results/benchmark/front"
+archive benchmark/all benchmark --data . --cells "*-front-*,*-side-*,*-back-*,*-lamp-*"
+# Their searches start from the settings of cells in the first folder, which are read there and not searched again.
 for light in sun sky; do
-    archive "benchmark/$light" benchmark --data . --cells "*-$light-front" --budget bytes=2MiB --settings "$root/docs/results/benchmark/all"
+    archive "benchmark/$light" benchmark --data . --cells "*-$light-front" --settings "$root/docs/results/benchmark/all"
 done
 archive benchmark/time benchmark --data . --cells "*-front-front" --budget frames=4
 
