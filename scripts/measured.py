@@ -163,9 +163,10 @@ for name in chosen:
     print(f"{name} ...", file=sys.stderr, flush=True)
     try:
         body = sections[name]()
-    except (Failed, OSError, ValueError, KeyError) as why:
-        body = f"**Failed.**\n```text\n{why}\n```"
-        print(why, file=sys.stderr)
+    except Exception as why:
+        said = f"{type(why).__name__}: {why}"
+        body = f"**Failed.**\n```text\n{said}\n```"
+        print(said, file=sys.stderr)
     parts[name] = f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\n{build}; in {time.time() - start:.0f} s."
     if a.quick:
         print(parts[name] + "\n", flush=True)

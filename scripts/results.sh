@@ -50,7 +50,7 @@ archive() {
     rm -rf "${work:?}/$name"
 }
 
-light=(--light dir:0.5,-0.5,0.7071)
+readonly light=(--light dir:0.5,-0.5,0.7071)
 
 papers="dsm:map=256,segments=transmittance,march=samples,filter=nearest,near=0,lookup=each;osm:map=256,kernel=3,filter=nearest,near=0,average=depth,lookup=each;dom:map=256,layers=3,near=0,average=depth,lookup=each;bom:map=256,layers=16,split=auto,depth_bits=32,bits=32,near=0,average=depth,lookup=each"
 archive chest/table compare --scene chest.toml --repeats 7 --methods "none;rays;rays:march=samples,step=1;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;wavelet:map=256,rank=4;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;beer:map=256;lightvolume:scale=4,2;sat:boxes=16,64;halfangle;$papers"
@@ -94,10 +94,10 @@ archive soft-light/thorax-sun compare phantom:thorax:64 --tf ct "${sun[@]}" --me
 archive soft-light/engine-sun compare engine.nii.gz --tf ct "${sun[@]}" --methods "$soft"
 # The scenes of pictures.png.
 scenes=()
-for light in sky sun:0.5,-0.5,0.7071,angle=5 disc:0,-150,200,radius=60; do
+for source in sky sun:0.5,-0.5,0.7071,angle=5 disc:0,-150,200,radius=60; do
     while read -r volume file function; do
-        scene=$volume-${light%%:*}
-        printf 'volume = "%s"\ntf = "%s"\nlight = "%s"\n' "$file" "$function" "$light" >"$work/$scene.toml"
+        scene=$volume-${source%%:*}
+        printf 'volume = "%s"\ntf = "%s"\nlight = "%s"\n' "$file" "$function" "$source" >"$work/$scene.toml"
         scenes+=(--scene "$scene.toml")
     done <<'END'
 chest phantom:thorax:96 ct
@@ -180,8 +180,8 @@ done
 archive benchmark/vtk benchmark --data . --cells "$(IFS=,; echo "${vtk_cells[*]}")" --methods dsm,osm --budget bytes=512KiB --external "vtk=$vtk" --external "vtk-half-step=VTK_STEP_VOXELS=0.5 $vtk"
 archive benchmark/all benchmark --data . --cells "*-front-*,*-side-*,*-back-*,*-lamp-*"
 # Their searches start from the settings of cells in the first folder, which are read there and not searched again.
-for light in sun sky; do
-    archive "benchmark/$light" benchmark --data . --cells "*-$light-front" --settings "$root/docs/results/benchmark/all"
+for source in sun sky; do
+    archive "benchmark/$source" benchmark --data . --cells "*-$source-front" --settings "$root/docs/results/benchmark/all"
 done
 archive benchmark/time benchmark --data . --cells "*-front-front" --budget frames=4
 

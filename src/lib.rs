@@ -46,7 +46,7 @@
 #[cfg(feature = "gui")]
 pub mod app;
 pub mod benchmark;
-#[expect(missing_docs, reason = "a front door, whose comments are the help of its flags")]
+#[expect(missing_docs, reason = "its comments are the help of the flags")]
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of that help")]
 pub mod cli;
 pub mod engine;

@@ -240,10 +240,13 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
 }
 
 /// Reads the nodes of each texel of a deep shadow map.
+///
+/// # Errors
+/// The file is unreadable, or a number in it is impossible.
 fn read_nodes(path: &Path) -> Result<NodeMap> {
     let broken = |why: String| Error::input(WHAT, path.display(), why);
     let signed: Array2<i32> = read_npy(path).map_err(|e| broken(e.to_string()))?;
-    let is_possible = signed.iter().all(|n| (-1..=MOST_NODES).contains(n));
+    let is_possible = signed.iter().all(|n| (-1..MOST_NODES).contains(n));
     is_possible.then(|| node_map(&signed)).ok_or_else(|| broken("it has impossible numbers of nodes".into()))
 }
 

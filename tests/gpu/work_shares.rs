@@ -70,8 +70,14 @@ fn shares_form_the_map_and_the_picture_of_one_process() {
         &[],
     );
     assert_eq!(refused.err().unwrap().exit_status(), 2);
-    // Too few blocks, part of a quad, and a block whose nodes are missing.
-    for words in [&[9, 0, 0, 0, 0, 1][..], &[0, 0, 0, 0, 0, 1], &[1, 0, 0, 0, 0, 0, 1, 5]] {
+    // Too few blocks, part of a quad, a block without nodes, and one with fewer than its texels need.
+    let damaged: [&[u32]; 4] = [
+        &[9, 0, 0, 0, 0, 1],
+        &[0, 0, 0, 0, 0, 1],
+        &[1, 0, 0, 0, 0, 0, 1, 5],
+        &[1, 0, 0, 0, 0, 0, 3, 0, 1, 0, 0, 0],
+    ];
+    for words in damaged {
         assert!(MapShare::from_words(words).is_err(), "{words:?}");
     }
 }

@@ -64,11 +64,20 @@ fn rows(path: &Path) -> Vec<Row> {
 /// Rows of the ranking of an archived benchmark without one of its methods.
 fn ranking_without(method: &str, folder: &Path) -> Vec<Row> {
     let mut results = archived_results(folder);
+    let count = |results: &[CellResult]| results.iter().map(|cell| cell.answers.len()).sum::<usize>();
+    let before = count(&results);
     results.iter_mut().for_each(|cell| cell.answers.retain(|answer| answer.method != method));
+    assert!(count(&results) < before, "no method {method}");
     let made = tempfile::tempdir().unwrap();
     benchmark_pages::write(&results, "", made.path()).unwrap();
     let mut rows = rows(&made.path().join("ranking.csv"));
-    rows.iter_mut().for_each(|row| _ = row.insert("not_separated".into(), String::new()));
+    let name = folder.file_name().unwrap().to_string_lossy();
+    for row in &mut rows {
+        row.extend([
+            ("not_separated".to_owned(), String::new()),
+            ("folder".into(), name.clone().into_owned()),
+        ]);
+    }
     rows
 }
 

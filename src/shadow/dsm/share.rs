@@ -76,7 +76,9 @@ impl MapShare {
         let (head, rest) = words.split_at_checked(HEAD_WORDS).ok_or_else(damaged)?;
         let (blocks, quads) = rest.split_at_checked(3 * head[0] as usize).ok_or_else(damaged)?;
         let (blocks, quads) = (blocks.as_chunks::<3>().0, quads.as_chunks::<4>());
-        let is_stored = |&[_, _, first]: &[u32; 3]| (first as usize) < quads.0.len();
+        let is_stored = |&[_, mask, first]: &[u32; 3]| {
+            mask != 0 && first as usize + mask.count_ones() as usize <= quads.0.len()
+        };
         if !quads.1.is_empty() || !blocks.iter().all(is_stored) {
             return Err(damaged());
         }

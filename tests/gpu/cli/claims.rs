@@ -58,6 +58,9 @@ fn an_interrupt_keeps_the_rows_of_finished_scenes() {
     }
     let dir = tempfile::tempdir().unwrap();
     write_two_scenes(dir.path());
+    // The second scene takes long enough for the signal to come in time.
+    fs::write(dir.path().join("step.toml"), SCENE.replace("sphere", "step").replace("32x32", "256x256"))
+        .unwrap();
     let scenes = ["--scene", "ball.toml", "--scene", "step.toml", "--repeats", "1", "-o", "out"];
     // A scene has two exact pictures; the third is the first of the second scene.
     let args = [&["claims", "--paper", "neumann"], &scenes[..]].concat();

@@ -96,7 +96,7 @@ impl Crate {
     }
 
     /// Every file that imports itself through other files of its top-level module, with a shortest cycle.
-    pub fn circles(&self) -> BTreeMap<String, String> {
+    pub fn cycles(&self) -> BTreeMap<String, String> {
         let edges = |module: &Module| -> BTreeSet<Module> {
             let source = &self.0[module];
             let handed_on: BTreeSet<_> =

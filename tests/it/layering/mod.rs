@@ -11,8 +11,8 @@ use std::path::Path;
 /// Every top-level module, the highest first: name, purpose, and the modules that it may import if these are fewer
 /// than all lower ones.
 const LAYERS: [(&str, &str, Option<&[&str]>); 24] = [
-    ("app", "The window: a front door.", None),
-    ("cli", "The commands: a front door.", None),
+    ("app", "The window.", None),
+    ("cli", "The commands.", None),
     ("benchmark", "The frozen benchmark: cells, searches, rankings.", None),
     ("engine", "Interactive session without a window toolkit: shadow cache, requests, render thread.", None),
     ("open", "From what a user names to what the program works on.", None),
@@ -85,8 +85,8 @@ fn imports_go_down() {
 
 #[test]
 fn files_of_a_module_do_not_import_each_other_in_a_cycle() {
-    let found = this_crate().circles();
-    assert!(found.is_empty(), "these are in circles:\n{found:#?}");
+    let found = this_crate().cycles();
+    assert!(found.is_empty(), "these are in cycles:\n{found:#?}");
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn planted_violations_are_found() {
         ("volume/raw.rs", "cli"),
     ];
     assert_eq!(upward, expected.map(|(file, layer)| (file.to_owned(), layer.to_owned())).into());
-    let circles: Vec<_> = planted.circles().into_keys().collect();
+    let circles: Vec<_> = planted.cycles().into_keys().collect();
     assert_eq!(
         circles,
         ["volume/load.rs", "volume/raw.rs"],
