@@ -160,12 +160,8 @@ fn planted_violations_are_found() {
         ("volume/raw.rs", "cli"),
     ];
     assert_eq!(upward, expected.map(|(file, layer)| (file.to_owned(), layer.to_owned())).into());
-    let circles: Vec<_> = planted.cycles().into_keys().collect();
-    assert_eq!(
-        circles,
-        ["volume/load.rs", "volume/raw.rs"],
-        "`app/mod.rs` only hands on what `app/a.rs` has"
-    );
+    let cycles: Vec<_> = planted.cycles().into_keys().collect();
+    assert_eq!(cycles, ["volume/load.rs", "volume/raw.rs"], "`app/mod.rs` only hands on what `app/a.rs` has");
 
     let shaders = files(&[
         ("field/march.wgsl", "#define_import_path umbravox::march\n#import umbravox::sink::Sink"),
