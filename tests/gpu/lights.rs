@@ -164,12 +164,12 @@ fn parts_of_a_picture_add_up_alike() {
 }
 
 #[test]
-fn one_structure_per_shining_light() {
+fn one_shadow_map_per_shining_light() {
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let volume = phantom("sphere");
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
     let scene = Scene { lights: three(&volume), ..setup.scene(8, 8) };
     let map = setup.shadow("dsm:map=64", scene.light());
     let e = setup.session.render(&map, &scene).err().expect("two are missing");
-    assert!(e.why.contains("1 shadow structures for 3 lights"), "{e}");
+    assert!(e.why.contains("1 shadow maps for 3 lights"), "{e}");
 }
