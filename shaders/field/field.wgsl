@@ -198,14 +198,17 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: 
     return Cell(select(select(retained, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
 }
 
+// Returns the value at a point of a cell, in cell coordinates in [0, 1].
+fn trilinear(cell: Cell, f: vec3<f32>) -> f32 {
+    let xy = mix(cell.lo, cell.hi, f.z);
+    let y = mix(xy.xz, xy.yw, f.x);
+    return mix(y.x, y.y, f.y);
+}
+
 // Returns the volume value at a grid-space point inside the domain, interpolated with float32 weights.
 fn interpolated_value(g: vec3<f32>) -> f32 {
     let base = floor(g);
-    let w = g - base;
-    let c = cell_values(vec3<i32>(base));
-    let xy = mix(c.lo, c.hi, w.z);
-    let y = mix(xy.xz, xy.yw, w.x);
-    return mix(y.x, y.y, w.y);
+    return trilinear(cell_values(vec3<i32>(base)), g - base);
 }
 
 // Returns the volume value at a grid-space point inside the domain, interpolated with the weights of the texture filter.

@@ -4,7 +4,7 @@
 // of cells.
 #define_import_path umbravox::gradient_opacity
 
-#import umbravox::field::{field, Cell, cell_values, FAR}
+#import umbravox::field::{field, Cell, cell_values, trilinear, FAR}
 
 #ifdef GRADIENT_OPACITY
 struct GradientOpacity {
@@ -88,12 +88,6 @@ struct CellPart {
     values: vec3<f32>,
     // Mean factors on the extinction in the first and the second half; 0 where no value has extinction.
     factors: vec2<f32>,
-}
-
-fn trilinear(cell: Cell, f: vec3<f32>) -> f32 {
-    let xy = mix(cell.lo, cell.hi, f.z);
-    let y = mix(xy.xz, xy.yw, f.x);
-    return mix(y.x, y.y, f.y);
 }
 
 // Returns the part of the ray o + t d (grid space, d per mm) in the cell that begins at depth `from`, up to depth `to`.

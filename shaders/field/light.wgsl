@@ -57,7 +57,8 @@ struct LightRay {
 }
 
 fn octahedral_from_direction(w: vec3<f32>) -> vec2<f32> {
-    let p = w.xy / (abs(w.x) + abs(w.y) + abs(w.z));
+    // The sum is 0 at the light alone.
+    let p = w.xy / max(abs(w.x) + abs(w.y) + abs(w.z), 1e-20);
     let folded = (1.0 - abs(p.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), p >= vec2<f32>(0.0));
     return select(folded, p, w.z >= 0.0);
 }

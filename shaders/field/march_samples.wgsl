@@ -6,7 +6,6 @@
 // error bound: it may miss anything between two samples.
 #define_import_path umbravox::march
 
-#import umbravox::field::field
 #import umbravox::gradient_depth::gradient_depth
 #import umbravox::labels::clamped_value
 #import umbravox::ray_march::{ray_through, start_march, advance, skip_search, count_iteration, reached_iteration_limit, sample_depth, segment_end_value}

@@ -6,8 +6,7 @@
 // Number of rays, then for each ray its status, then the other words of all rays.
 @group(2) @binding(#{RAY_STATE_BINDING}) var<storage, read_write> ray_states: array<u32>;
 
-// Status of a ray.
-const NOT_STARTED: u32 = 0u;
+// Status of a ray; 0 before it starts.
 const WAITING: u32 = 1u;
 const FINISHED: u32 = 2u;
 

@@ -23,7 +23,9 @@ fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let l = -normalize(to_world * light_ray(light_point(g).texel).d);
     let diffuse = abs(dot(n, l));
 #ifdef BLINN_PHONG
-    let h = normalize(l - normalize(to_world * eye_direction));
+    let sum = l - normalize(to_world * eye_direction);
+    // The sum is 0 where light and eye ray have the same direction.
+    let h = select(vec3<f32>(0.0), normalize(sum), any(sum != vec3<f32>(0.0)));
     let factor = diffuse + #{HIGHLIGHT} * pow(abs(dot(n, h)), #{GLOSS});
 #else
     let factor = diffuse;

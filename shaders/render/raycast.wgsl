@@ -56,7 +56,7 @@
 #import umbravox::shading::shading_factor
 #endif
 #ifdef MESH
-#import umbravox::surface::{Surface, surface_along}
+#import umbravox::surface::surface_along
 #endif
 
 #ifdef RESUMABLE

@@ -171,10 +171,10 @@ pub fn line_of_workgroups(items: usize) -> [u32; 3] {
 }
 
 /// Returns a two-dimensional dispatch size for the given number of workgroups, since one dimension holds at most
-/// 65,535. It has as few rows as possible, and fewer idle workgroups than rows.
+/// 65,535. It has as few rows as possible, and fewer idle workgroups than rows. No workgroups run for 0.
 pub fn shape_of(workgroups: u32) -> [u32; 3] {
     let rows = workgroups.div_ceil(65_535).max(1);
-    [workgroups.div_ceil(rows).max(1), rows, 1]
+    [workgroups.div_ceil(rows), rows, 1]
 }
 
 #[cfg(test)]
@@ -194,6 +194,6 @@ mod tests {
                 "{workgroups}: {across} x {rows}"
             );
         }
-        assert_eq!((shape_of(0), line_of_workgroups(20_000)), ([1, 1, 1], [313, 1, 1]));
+        assert_eq!((shape_of(0), line_of_workgroups(20_000)), ([0, 1, 1], [313, 1, 1]));
     }
 }

@@ -94,7 +94,7 @@ impl TilePace {
     }
 
     /// Runs a build pass of a shadow map over `count` list entries (tiles or steps) in batches, and returns the sum
-    /// of the durations. An empty list is one empty batch.
+    /// of the durations. An empty list is one empty batch, which runs no workgroup.
     pub(super) fn run_batches(
         &self,
         pass: &'static str,

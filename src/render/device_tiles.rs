@@ -95,7 +95,7 @@ impl DeviceTiles {
     /// Calls `act` with the pass that finds the depth ranges of the tiles. It runs before the first pass that casts
     /// eye rays.
     pub fn with_pass<T>(&self, act: impl FnOnce(DevicePass<'_>) -> T) -> T {
-        let workgroups = if self.bricks == 0 { [0; 3] } else { line_of_workgroups(self.bricks as usize) };
+        let workgroups = line_of_workgroups(self.bricks as usize);
         act(DevicePass { variant: &self.shader, groups: &[&self.group], workgroups })
     }
 

@@ -292,7 +292,7 @@ impl Renderer {
         let groups = section_groups(pass.sections, shared, stages, caster.mesh.as_ref());
         let mut part: Option<Span> = None;
         let background = background_shader(matches!(caster.tiles, PictureTiles::OnDevice(_)));
-        let [left_out, cast] = tiles.map(workgroups);
+        let [left_out, cast] = tiles.map(shape_of);
         let rays = section_passes(&groups, &pass.shader, cast);
         let mut fill = DevicePass { variant: &background, groups: &groups[0].groups, workgroups: left_out };
         let after_groups = after.map(|after| [caster.transfer.group(), &pass.group, &after.stage]);
@@ -362,14 +362,6 @@ fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
 /// Converts a number of pixels to a number of picture columns: whole workgroups, and at least the smallest width.
 fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
     (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
-}
-
-/// Returns the dispatch size for a number of picture tiles, with one workgroup per tile.
-fn workgroups(tiles: u32) -> [u32; 3] {
-    match tiles {
-        0 => [0; 3],
-        tiles => shape_of(tiles),
-    }
 }
 
 #[cfg(test)]

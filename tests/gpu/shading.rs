@@ -37,6 +37,24 @@ fn a_ball_is_shaded_by_its_normal() {
     }
 }
 
+/// With the light behind the eye ray's end there is no halfway vector, and so no highlight.
+#[test]
+fn a_light_along_the_eye_ray_has_no_highlight() {
+    let Some(setup) = Setup::open(&phantom("sphere:48"), &extinction(&[(500.0, 0.0), (500.0, 60.0)])) else {
+        return;
+    };
+    let mut scene = Scene { ambient: 0.0, background: [0.0; 3], ..setup.scene(31, 31) };
+    let distance = (scene.camera.eye - scene.camera.target).length();
+    scene.camera.eye = scene.camera.target + distance * DVec3::X;
+    scene.camera.up = DVec3::Z;
+    scene.lights = vec![Light::Directional { toward: -DVec3::X }.into()];
+    let [lambert, blinn_phong] = [Shading::Lambert, Shading::BlinnPhong]
+        .map(|shading| setup.picture("none", &Scene { shading, ..scene.clone() }));
+    assert!(blinn_phong.iter().all(|channel| channel.is_finite()));
+    assert!(lambert[[15, 15, 0]] > 0.1);
+    assert_eq!(blinn_phong[[15, 15, 0]].to_bits(), lambert[[15, 15, 0]].to_bits());
+}
+
 /// A phase function multiplies the light of a pixel by one factor under a light at infinity: that of the angle between the
 /// light's direction and the eye ray.
 #[test]

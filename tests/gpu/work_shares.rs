@@ -84,6 +84,18 @@ fn shares_form_the_map_and_the_picture_of_one_process() {
 
 /// The light rays of eight shares march through almost equally many cells.
 #[test]
+fn shares_without_tiles_add_nothing() {
+    let Some(renderer) = renderer() else { return };
+    let session = session(renderer, "phantom:sphere:24");
+    let source = Scene::framing(&session.loaded.volume).light().into();
+    let method = shadow::parse("dsm:map=32").unwrap();
+    let maps = [1, 40].map(|count| by_shares(&session, method.as_ref(), &source, count));
+    let [whole, many] = maps.map(|map| [map.report.nodes_total, map.report.nodes_max, map.report.texels_hit]);
+    assert!(whole[0].unwrap() > 0);
+    assert_eq!(many, whole);
+}
+
+#[test]
 fn shares_have_equal_work() {
     let Some(renderer) = renderer() else { return };
     // A device of its own: work counters add up the passes of all tests that share a device.

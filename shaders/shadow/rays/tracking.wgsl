@@ -5,7 +5,7 @@
 // integrated exactly. With `ratio`, control extinctions are 0.
 #define_import_path umbravox::method
 
-#import umbravox::random_rays::{params, ShadowRay, shadow_ray, extinction_on, brick_on, section_from, MAX_SECTIONS, random_state, random}
+#import umbravox::random_rays::{params, ShadowRay, shadow_ray, extinction_on, brick_on, section_from, random_state, random}
 #import umbravox::watch::report_iteration_limit
 
 // Estimate below which a walk ends at random (Russian roulette), and goes on with this estimate otherwise.

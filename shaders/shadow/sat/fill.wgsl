@@ -63,7 +63,7 @@ fn fill(
     let layer = layers[place];
     let position = vec3<f32>(vec3<u32>(cell % table.counts.x, cell / table.counts.x, layer));
     let corner = table.first + position * table.scale;
-    // Cells are at most a brick wide. If the bricks around the one of the centre are empty, the cell is.
+    // Half a cell is at most a brick wide. If the bricks around the one of the centre are empty, the cell is.
     let centre = vec3<i32>(floor(corner + 0.5 * table.scale));
     let brick = clamp(centre, vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
     var steps = 0.0;

@@ -1,7 +1,7 @@
 // Replaces each number of a summed-area table by the sum of the numbers up to it along one axis: one thread for each
 // line. Sums are modulo 2^32.
 
-#import umbravox::sat_table::{table, turned_counts, turned_strides}
+#import umbravox::sat_table::{turned_counts, turned_strides}
 #import umbravox::work::add_work
 
 // Axis of the lines.

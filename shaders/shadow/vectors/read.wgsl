@@ -4,7 +4,7 @@
 #import umbravox::light::{light, LightPoint}
 #import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::{TILE, NO_TILE}
-#import umbravox::vectors::{vector_map, VECTORS, TILE_MARGIN, TILE_SIDE, tile_corner, first_record}
+#import umbravox::vectors::{vector_map, TILE_MARGIN, TILE_SIDE, tile_corner, first_record}
 #import umbravox::taps::{TAPS, taps_around, tap_at}
 
 #ifdef WORDS

@@ -355,7 +355,7 @@ impl DeepShadowMap {
     }
 
     fn build_shader(&self) -> ShaderVariant {
-        let shader = self.curve_shader().defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
+        let shader = self.curve_shader();
         match (self.precompress, self.whole_curve()) {
             (_, true) => {
                 let shader =

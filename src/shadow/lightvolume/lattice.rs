@@ -22,6 +22,9 @@ pub struct Lattice {
     pub scale: f64,
     /// Number of light volume nodes along each axis.
     pub counts: UVec3,
+    /// Lattice coordinates of the least and greatest corner of the box of active bricks. Nodes outside the box are
+    /// moved to its sides.
+    pub bounds: [DVec3; 2],
 }
 
 /// Uniform buffer for one slice that a sweep through a light volume computes; mirrors struct `SweepStep` in
@@ -43,8 +46,9 @@ impl Lattice {
         // Grid space numbers the voxels from 1.
         let [lo, hi] = active.index_box(dims).unwrap_or_default().map(|index| index + 1.0);
         let first = lo.floor();
-        let counts = ((hi - first) / scale).ceil().as_uvec3() + UVec3::ONE;
-        Self { first, scale, counts: counts.max(UVec3::splat(2)) }
+        let bounds = [lo, hi].map(|corner| (corner - first) / scale);
+        let counts = bounds[1].ceil().as_uvec3() + UVec3::ONE;
+        Self { first, scale, counts: counts.max(UVec3::splat(2)), bounds }
     }
 
     /// Returns the number of nodes of the light volume.
@@ -105,26 +109,26 @@ impl Lattice {
     /// Returns the slices of one sweep through the light volume, away from a point light, in the positive or (`down`)
     /// negative direction of an axis. The list is empty if no node lies closer to that axis than to the others.
     fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<SweepStep> {
-        let last = (self.counts - 1).as_dvec3().to_array();
+        let [low, high] = self.bounds.map(|corner| corner.to_array());
         let light = light.to_array();
         // The device rounds the position of the light.
         let slack = 1e-3;
-        let reach = if down { light[axis] } else { last[axis] - light[axis] };
-        let aside = |other: usize| (-light[other]).max(light[other] - last[other]).max(0.0);
+        let reach = if down { light[axis] - low[axis] } else { high[axis] - light[axis] };
+        let aside = |other: usize| (low[other] - light[other]).max(light[other] - high[other]).max(0.0);
         if reach < -slack || (0..3).any(|other| other != axis && aside(other) > reach + slack) {
             return Vec::new();
         }
-        let slices = if down {
-            0..(light[axis] + slack).floor().min(last[axis]) as u32 + 1
-        } else {
-            (light[axis] - slack).ceil().max(0.0) as u32..self.counts.to_array()[axis]
+        let place = |slice: u32| f64::from(slice).clamp(low[axis], high[axis]);
+        let is_ahead = |slice: &u32| match down {
+            true => place(*slice) <= light[axis] + slack,
+            false => place(*slice) >= light[axis] - slack,
         };
-        sweep(axis, down, slices, false)
+        sweep(axis, down, (0..self.counts.to_array()[axis]).filter(is_ahead), false)
     }
 }
 
 /// Returns the slices of a light volume along an axis, ordered away from the light.
-fn sweep(axis: usize, down: bool, slices: std::ops::Range<u32>, whole: bool) -> Vec<SweepStep> {
+fn sweep(axis: usize, down: bool, slices: impl Iterator<Item = u32>, whole: bool) -> Vec<SweepStep> {
     let step = |(i, slice): (u32, u32)| SweepStep {
         axis: axis as u32,
         slice,
@@ -144,7 +148,8 @@ mod tests {
     use super::*;
 
     fn lattice(counts: [u32; 3]) -> Lattice {
-        Lattice { first: DVec3::ZERO, scale: 1.0, counts: counts.into() }
+        let bounds = [DVec3::ZERO, (UVec3::from(counts) - 1).as_dvec3()];
+        Lattice { first: DVec3::ZERO, scale: 1.0, counts: counts.into(), bounds }
     }
 
     #[test]
@@ -163,5 +168,18 @@ mod tests {
         assert_eq!(slices([4.5, 10.0, 15.0], 0, true), [4, 3, 2, 1, 0]);
         assert_eq!(slices([4.5, 10.0, 15.0], 2, true).first(), Some(&15));
         assert_eq!(slices([4.5, 10.0, 15.0], 2, false).first(), Some(&15));
+    }
+
+    #[test]
+    fn slices_are_swept_from_where_their_nodes_are_moved_to() {
+        // The box ends at 3.2, so that the nodes of slice 4 lie there.
+        let lattice = Lattice { bounds: [DVec3::splat(0.4), DVec3::splat(3.2)], ..lattice([5; 3]) };
+        let slices = |light: f64, down| {
+            lattice.side([light, 2.0, 2.0].into(), 0, down).iter().map(|s| s.slice).collect::<Vec<_>>()
+        };
+        assert_eq!(slices(3.5, true), [4, 3, 2, 1, 0]);
+        assert_eq!(slices(3.5, false), [0; 0]);
+        assert_eq!(slices(0.2, false), [0, 1, 2, 3, 4]);
+        assert_eq!(slices(0.2, true), [0; 0]);
     }
 }
