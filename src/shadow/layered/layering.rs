@@ -128,24 +128,24 @@ impl Layering {
         let split = match (self.plain(), self.split) {
             (Some(split), _) => split,
             (None, LayerSplit::Texel) => {
-                let (rows, took) = choose_by_region(
+                let (rows, costs) = choose_by_region(
                     context,
                     &layered_map(self.any()),
                     self.log_size,
                     tiles.light_space.map_size,
                 )?;
-                (regions, search) = (Some(rows), Some(took));
+                (regions, search) = (Some(rows), Some(costs));
                 Split::Tables(all_splits(self.log_size))
             }
             (None, _) => {
-                let (row, chosen, took) =
+                let (row, chosen, costs) =
                     choose(context, &layered_map(self.any()), self.log_size, self.measure)?;
                 let (ratio, correlation) = (chosen.ratio, chosen.correlation);
                 tracing::info!(
                     "split: ratio {ratio:.1}, correlation {correlation:.4} over {} layers",
                     self.layers
                 );
-                (choice, search) = (Some(chosen), Some(took));
+                (choice, search) = (Some(chosen), Some(costs));
                 Split::Tables(vec![all_splits(self.log_size).swap_remove(row as usize)])
             }
         };

@@ -110,6 +110,15 @@ pub(super) struct LayeredMap {
     pub shape: MapShape,
 }
 
+/// Costs of the search for a division of depth into layers, which precedes the build.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SplitSearch {
+    /// GPU time of its passes.
+    pub device: Span,
+    /// Memory of its buffers and textures, bytes.
+    pub bytes: u64,
+}
+
 /// Uniform buffer of the layered shadow map shaders; mirrors struct `Params` in `shaders/shadow/layered/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -292,11 +301,11 @@ impl Built<'_> {
         self.tiles.group("layered map", &self.slots(context))
     }
 
-    /// Adds the GPU time of a pass that ran before the build to the build time of the layered shadow map.
-    pub fn after(&mut self, before: Option<Span>) {
-        if let (Some(build), Some(before)) = (self.report.device, before) {
-            self.report.device = Some(before.plus(build));
-        }
+    /// Adds what the search for a division of depth took to the report on the build of the layered shadow map.
+    pub fn after(&mut self, search: Option<SplitSearch>) {
+        let Some(search) = search else { return };
+        self.report.device = self.report.device.map(|build| search.device.plus(build));
+        self.report.build_bytes = search.bytes;
     }
 
     /// Turns the built layered shadow map into the finished shadow map of a method, with the method's name and

@@ -5,7 +5,7 @@
 //! those of neighbouring layers. Here a coarse shadow map with many layers approximates the exact transmittance
 //! curves. The device sums over its texels, and only the sums are read back (16 bytes for each layer and ratio).
 
-use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
+use super::{Average, Built, LayeredMap, Record, Split, SplitSearch, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
@@ -110,20 +110,23 @@ fn pass(
     context.run("split ratio", shader, groups, [across, down, 1])
 }
 
-/// Returns the GPU time taken to choose a ratio of linear to logarithmic layers: build of the coarse shadow map, and
-/// search.
-fn device_time(built: &Built<'_>, search: Span) -> Span {
-    built.report.device.map_or(search, |build| build.plus(search))
+/// Returns the GPU time and memory taken to choose a ratio of linear to logarithmic layers: those of the coarse shadow
+/// map, and of the search.
+fn search_costs(curves: &Built<'_>, search: Span, stage: &wgpu::Buffer) -> SplitSearch {
+    SplitSearch {
+        device: curves.report.device.map_or(search, |build| build.plus(search)),
+        bytes: curves.report.bytes + stage.size(),
+    }
 }
 
 /// Chooses one ratio of linear to logarithmic layers for a whole shadow map. Returns the index of the ratio, its
-/// entry in the build report, and the GPU time of the search.
+/// entry in the build report, and the costs of the search.
 pub fn choose(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
     log_size: f64,
     measure: Measure,
-) -> Result<(u32, SplitChoice, Span)> {
+) -> Result<(u32, SplitChoice, SplitSearch)> {
     let (gpu, layers) = (context.gpu(), layered_map.record.layers);
     let curves = curves(context, layered_map, CURVE_MAP)?;
     let count = (RATIOS * layers) as usize;
@@ -132,17 +135,18 @@ pub fn choose(
         pass(context, (layers, log_size), &curves, &stage, &shaders(layered_map)[0], [layers, RATIOS])?;
     let sums = read_back::<[f32; 4]>(gpu, &stage, count)?;
     let (row, correlation) = best(&sums, layers as usize, f64::from(CURVE_MAP).powi(2), measure);
-    Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, device_time(&curves, span)))
+    let costs = search_costs(&curves, span, &stage);
+    Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, costs))
 }
 
 /// Chooses a ratio of linear to logarithmic layers for every region of a shadow map. Returns a buffer with the ratios
-/// for the build, and the GPU time of the search.
+/// for the build, and the costs of the search.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
     layered_map: &LayeredMap,
     log_size: f64,
     map: u32,
-) -> Result<(wgpu::Buffer, Span)> {
+) -> Result<(wgpu::Buffer, SplitSearch)> {
     let layers = layered_map.record.layers;
     let regions = map.div_ceil(REGION_TEXELS);
     let curves = curves(context, layered_map, regions)?;
@@ -157,7 +161,8 @@ pub fn choose_by_region(
         &shaders(layered_map)[1],
         [regions.div_ceil(8); 2],
     )?;
-    Ok((stage, device_time(&curves, span)))
+    let costs = search_costs(&curves, span, &stage);
+    Ok((stage, costs))
 }
 
 /// Returns the index of the best ratio of linear to logarithmic layers, and the mean correlation of neighbouring

@@ -166,8 +166,8 @@ impl LightVolume {
     }
 
     /// Builds the light volume by a march to the light from every node at or next to a brick (block of voxels) with
-    /// extinction.
-    fn gather(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
+    /// extinction. Returns its time, and the memory that it frees.
+    fn gather(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<(Span, u64)> {
         let LatticePasses { context, lattice, .. } = passes;
         let blocks = lattice.blocks(&context.transfer.active);
         let list = StorageBuffer::from_slice(context.gpu(), "blocks of a light volume", &blocks)?;
@@ -176,11 +176,12 @@ impl LightVolume {
         let list = TileList { entries: &list, count: blocks.len() as u32, workgroups: 1 };
         context
             .run_over(list, "light volume gather", &self.gather_shader(), &group, &stage, None)
-            .map(|(span, _)| span)
+            .map(|(span, _)| (span, size_of_val(&blocks[..]) as u64))
     }
 
-    /// Builds the light volume by a sweep through its slices, away from the light.
-    fn sweep(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
+    /// Builds the light volume by a sweep through its slices, away from the light. Returns its time, and the memory
+    /// that it frees.
+    fn sweep(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<(Span, u64)> {
         let LatticePasses { context, lattice, .. } = passes;
         let gpu = context.gpu();
         let [x, y, z] = lattice.counts.to_array();
@@ -198,14 +199,21 @@ impl LightVolume {
             (context.kernels.group("step of a sweep", &stage), [a, b, 1])
         });
         let steps: Vec<_> = steps.collect();
-        context.run_steps("light volume sweep", &self.sweep_shader(), &passes.group(&[]), &steps)
+        let span =
+            context.run_steps("light volume sweep", &self.sweep_shader(), &passes.group(&[]), &steps)?;
+        Ok((span, slices.size()))
     }
 
     /// Converts the light volume from 32 bits for each node to the 8 or 16 bits that transmittance queries read.
-    fn packed(&self, passes: &LatticePasses<'_>, nodes: VolumeTexture) -> Result<(VolumeTexture, Span)> {
+    /// Returns the time of that, and the memory that it frees.
+    fn packed(
+        &self,
+        passes: &LatticePasses<'_>,
+        nodes: VolumeTexture,
+    ) -> Result<(VolumeTexture, (Span, u64))> {
         let LatticePasses { context, lattice, .. } = passes;
         if self.bits == 32 {
-            return Ok((nodes, Span::default()));
+            return Ok((nodes, (Span::default(), 0)));
         }
         let gpu = context.gpu();
         let [width, height, depth] = lattice.counts.to_array();
@@ -234,7 +242,8 @@ impl LightVolume {
             packed.copy_layers(gpu, &words, row_bytes, first..first + layers.count);
             total = total.plus(span);
         }
-        Ok((packed, total))
+        let node_bytes = 4 * u64::from(width) * u64::from(height) * u64::from(depth);
+        Ok((packed, (total, node_bytes + words.size())))
     }
 }
 
@@ -282,11 +291,11 @@ impl Method for LightVolume {
         let format = wgpu::TextureFormat::R32Float;
         let nodes = VolumeTexture::new(gpu, "light volume", format, lattice.counts.to_array())
             .map_err(|e| e.hint("a larger scale has fewer nodes"))?;
-        let built = match self.build {
+        let (built, freed) = match self.build {
             LightBuild::Gather => self.gather(&passes, &nodes)?,
             LightBuild::Sweep => self.sweep(&passes, &nodes)?,
         };
-        let (volume, packing) = self.packed(&passes, nodes)?;
+        let (volume, (packing, freed_by_packing)) = self.packed(&passes, nodes)?;
         // Not every adapter filters 32-bit floats, and the hardware's weights have fewer bits.
         let filtered = self.bits != 32;
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
@@ -304,6 +313,7 @@ impl Method for LightVolume {
                 device: Some(if self.bits == 32 { built } else { built.plus(packing) }),
                 bytes,
                 bytes_used: bytes,
+                build_bytes: freed + freed_by_packing,
                 ..Default::default()
             },
             bound: None,

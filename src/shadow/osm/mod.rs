@@ -20,7 +20,8 @@
 use super::filter::Taps;
 use super::keys::{Align, LOOKUP_KEY, Lookups, settings};
 use super::layered::{
-    self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
+    self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitSearch,
+    SplitTable,
 };
 use super::lookup::Lookup;
 use super::method::{Entry, Method, PassLeftOut, ShadowMap};
@@ -29,7 +30,7 @@ use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
-use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
+use crate::gpu::{Constant, ShaderVariant, Slot, StorageBuffer, read_back, uniform_buffer};
 
 /// Exponent `g` in the depth `(i / N)^g` of plane `i` of an opacity shadow map (`slicing=gamma`), as a share of the
 /// depth range.
@@ -141,7 +142,7 @@ impl OpacityShadowMap {
     }
 
     /// Sums the optical depth of many light rays (or the light absorbed along them) in bins of depth, in fixed point.
-    fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
+    fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, SplitSearch)> {
         let gpu = context.gpu();
         let params = self.layered_map(Split::Power(1.0)).params(&tiles.light_space);
         let params = uniform_buffer(gpu, "optical mass", &params);
@@ -153,8 +154,8 @@ impl OpacityShadowMap {
             &context.kernels.group("optical mass", &stage),
         ];
         let shader = mass_shader(self.map_shape().march, self.slicing == Slicing::Lit);
-        let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
-        Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
+        let device = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
+        Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, SplitSearch { device, bytes: mass.size() }))
     }
 }
 
@@ -195,16 +196,16 @@ impl Method for OpacityShadowMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let tiles = TileMarch::fit(context, self.map_shape())?;
-        let (split, weighing) = match self.plain_split() {
+        let (split, search) = match self.plain_split() {
             Some(split) => (split, None),
             None => {
-                let (mass, span) = self.weigh(context, &tiles)?;
-                (Split::Tables(vec![SplitTable::of_mass(&mass)]), Some(span))
+                let (mass, costs) = self.weigh(context, &tiles)?;
+                (Split::Tables(vec![SplitTable::of_mass(&mass)]), Some(costs))
             }
         };
         let mut built = self.layered_map(split).build(context, tiles, None)?;
-        built.after(weighing);
-        if matches!(self.slicing, Slicing::Density | Slicing::Lit) && weighing.is_none() {
+        built.after(search);
+        if matches!(self.slicing, Slicing::Density | Slicing::Lit) && search.is_none() {
             built.report.passes_left_out = &[NOT_WEIGHED];
         }
         Ok(built.into_map(context, self))
