@@ -146,7 +146,7 @@ fn elapsed(results: &[CellResult]) -> String {
     let Some(seconds) = seconds.filter(|seconds| !seconds.is_empty()) else { return String::new() };
     let longest = seconds.iter().copied().fold(0.0, f64::max);
     let hours = significant(seconds.iter().sum::<f64>() / 3600.0, 2);
-    format!("\nMeasuring took {hours} hours; the longest cell {} s.\n", significant(longest, 3))
+    format!("\nTimes of the cells sum to {hours} hours; the longest takes {} s.\n", significant(longest, 3))
 }
 
 /// Function that returns what cells are counted by.
@@ -227,7 +227,7 @@ mod tests {
         let page = page(&results, &[ranking], "");
         for part in [
             "Errors below 1e-6,",
-            "Measuring took 1.5 hours; the longest cell 1800 s.",
+            "Times of the cells sum to 1.5 hours; the longest takes 1800 s.",
             "by view:\n\n| method | front | close |",
         ] {
             assert!(page.contains(part), "{part}: {page}");

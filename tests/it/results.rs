@@ -232,7 +232,7 @@ fn winners(folder: &Path, instruction: &str) -> String {
         ("wins most", Align::Left),
         ("not separated", Align::Right),
         ("next", Align::Left),
-        ("best mean ranks, not separated", Align::Left),
+        ("within the critical difference of the best mean rank", Align::Left),
     ];
     aligned_table(&headings.map(|(name, align)| (name.to_owned(), align)), &lines)
 }
@@ -272,7 +272,7 @@ fn winners_within(name: &str, ranks: &[Row]) -> Vec<String> {
 fn amount(budget: &str) -> String {
     match budget.split_once('=') {
         Some(("bytes", size)) => size.replace("KiB", " KiB").replace("MiB", " MiB"),
-        Some(("frames", number)) => format!("{number} frames without shadows"),
+        Some(("frames", number)) => format!("{number} frames of `none`"),
         _ => panic!("{budget}"),
     }
 }
