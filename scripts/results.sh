@@ -185,21 +185,16 @@ for source in sun sky; do
 done
 archive benchmark/time benchmark --data . --cells "*-dense-front-front" --budget frames=4
 
-# with_settings FOLDER SCRIPT: measures cells of the first folder with their settings as a script of sed changes them.
-with_settings() {
-    local cell
-    is_chosen "benchmark/$1" || return 0
+# Settings that cost no memory, at twice the ends of their lists.
+if is_chosen benchmark/doubled; then
     mkdir -p "$work/settings/cells"
     cp docs/results/benchmark/all/run.json "$work/settings/"
     for cell in docs/results/benchmark/all/cells/*-front-front.json; do
-        sed -E "$2" "$cell" >"$work/settings/cells/${cell##*/}"
+        sed -E '/"settings"/ { s/\bnear=8\b/near=16/; s/\bslices=256\b/slices=512/; s/\bboxes=64\b/boxes=128/; s/\biterations=4\b/iterations=8/ }' \
+            "$cell" >"$work/settings/cells/${cell##*/}"
     done
-    archive "benchmark/$1" benchmark --data . --cells "*-front-front" --settings settings
-    rm -r "$work/settings"
-}
-with_settings doubled '/"settings"/ { s/\bnear=8\b/near=16/; s/\bslices=256\b/slices=512/; s/\bboxes=64\b/boxes=128/; s/\biterations=4\b/iterations=8/ }'
-maps='"settings": "(dsm|osm|dom|bom|clusters|fourier|wavelet|avsm|moments|beer|sat)\b'
-with_settings without-march "/$maps/ { s/\bnear=[0-9.]+/near=0/; t; s/(:.*:.*)\",/\1,near=0\",/; t; s/\",/:near=0\",/ }"
+fi
+archive benchmark/doubled benchmark --data . --cells "*-front-front" --settings settings
 
 [[ $measured -gt 0 ]] || { echo "results.sh: no folder ${chosen[*]}" >&2; exit 2; }
 UMBRAVOX_REWRITE=1 cargo test --locked --test it tables_of_the_pages
