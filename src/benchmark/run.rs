@@ -286,9 +286,13 @@ impl Run<'_> {
         watch: Watch,
     ) -> Result<Verified> {
         let (mut verified, facts) = (Verified::default(), Facts::of(renderer.gpu()));
-        self.visit(renderer, watch, &mut |cell, _, job| match folder.result(cell)? {
-            Some(recorded) => job.verify(&recorded, (before, &facts), &mut verified),
-            None => Ok(()),
+        self.visit(renderer, watch, &mut |cell, loaded, job| {
+            let Some(recorded) = folder.result(cell)? else { return Ok(()) };
+            let open_for = |entry: &Entry| {
+                let is_live = self.builds_with_pictures(entry, job.job().session)?;
+                is_live.then(|| open(loaded, renderer, true)).transpose()
+            };
+            job.verify(&recorded, (before, &facts), &open_for, &mut verified)
         })?;
         Ok(verified)
     }

@@ -6,13 +6,16 @@ use super::measure::CellJob;
 use super::pages;
 use crate::error::{Error, Result};
 use crate::measure::facts::Facts;
+use crate::render::Session;
 use crate::report::verify::{Recorder, Verified, read_texts};
+use crate::shadow::Entry;
 use std::collections::HashSet;
 use std::path::Path;
 
 impl CellJob<'_> {
     /// Measures the recorded settings of a cell again, and compares errors and memory. Answers of external programs are
-    /// not compared. `facts` has the adapter and driver here, `before` those of the record.
+    /// not compared. `facts` has the adapter and driver here, `before` those of the record. `open` opens the session of a
+    /// method that has its own.
     ///
     /// # Errors
     /// A recorded setting does not parse, or the device is lost.
@@ -20,6 +23,7 @@ impl CellJob<'_> {
         &self,
         recorded: &CellResult,
         (before, facts): (&Conditions, &Facts),
+        open: &dyn Fn(&Entry) -> Result<Option<Session>>,
         verified: &mut Verified,
     ) -> Result<()> {
         let here = [facts.adapter.as_str(), &facts.driver, facts.revision];
@@ -30,7 +34,10 @@ impl CellJob<'_> {
             let Some(method) = answer.own_method()? else { continue };
             let mut measured = Answer::default();
             let with_picture = answer.image_rmse.is_some();
-            self.measure((method.as_ref(), answer.light_samples), None, with_picture, &mut measured)?;
+            let own = open(method.entry())?;
+            let job = own.as_ref().map(|session| self.on(session));
+            let method = (method.as_ref(), answer.light_samples);
+            job.as_ref().unwrap_or(self).measure(method, None, with_picture, &mut measured)?;
             for ((name, recorded), (_, measured)) in answer.values().into_iter().zip(measured.values()) {
                 verified.compare(&title(answer), name, [&recorded, &measured], by);
             }
